@@ -1,0 +1,146 @@
+"""A mission: the streams, the ground, the machines, and how to look."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from pipeline.config.base import Strict, load
+from pipeline.config.units import BitsPerSecond, Hertz, Meters, PositiveMeters, PositiveSeconds, Seconds
+
+Fraction = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
+HalfFraction = Annotated[float, Field(ge=0.0, le=0.5, allow_inf_nan=False)]
+Codec = Literal["h264", "h265", "vp9", "av1"]
+Datum = Literal["ellipsoid", "geoid"]
+
+
+class Terrain(Strict):
+    """A surface model (DSM) as a GeoTIFF with a CRS, heights in metres above the datum."""
+
+    file: Path
+    height_datum: Datum = "ellipsoid"
+
+
+class Telemetry(Strict):
+    """Where the camera was. time_offset is added to the telemetry's time to get the video's.
+
+    height: which height field to use; ``absolute`` is above height_datum, ``relative`` is above takeoff_height.
+    geoid_undulation: height of the geoid above the ellipsoid there, needed if the datums differ.
+    """
+
+    file: Path
+    format: Literal["dji-srt"] = "dji-srt"
+    time_offset: Seconds = 0.0
+    height: Literal["absolute", "relative"] = "absolute"
+    height_datum: Datum = "ellipsoid"
+    takeoff_height: Meters | None = None
+    geoid_undulation: Meters | None = None
+
+    @model_validator(mode="after")
+    def _relative_needs_takeoff(self) -> Telemetry:
+        if self.height == "relative" and self.takeoff_height is None:
+            raise ValueError("takeoff_height beside height: relative")
+        return self
+
+
+class Stream(Strict):
+    """One video of one camera. site: where it is filmed, reached without a link's limit."""
+
+    id: str = Field(pattern=r"^[A-Za-z0-9_.-]+$")
+    video: Path
+    telemetry: Telemetry
+    camera: Path
+    site: str
+
+
+class Processing(Strict):
+    """The paper's processingFrameRate, maxProcessingTime, detPerStream, detPerFrame, w; the memory rule."""
+
+    frame_rate: Hertz
+    max_processing_time: PositiveSeconds
+    detectors_per_stream: int = Field(default=2, ge=1, le=16)
+    detectors_per_frame: int = Field(default=2, ge=1, le=16)
+    accuracy_weight: Fraction = 0.6
+    memory_rule: Literal["ram", "one_detector_per_machine"] = "ram"
+    codec: Codec = "h264"
+    bitrates: tuple[BitsPerSecond, ...] = Field(min_length=1)
+    time_limit: PositiveSeconds = 30.0
+
+
+class ObjectSize(Strict):
+    """Least and greatest extent of an object of the class, metres, as it can appear in a picture."""
+
+    width_min: PositiveMeters
+    width_max: PositiveMeters
+    height_min: PositiveMeters
+    height_max: PositiveMeters
+
+    @model_validator(mode="after")
+    def _ordered(self) -> ObjectSize:
+        if self.width_min >= self.width_max or self.height_min >= self.height_max:
+            raise ValueError("minimum sizes below the maximum ones")
+        return self
+
+
+class Fusion(Strict):
+    """The sensor model and the salient locations (the paper's section 'Detection fusion')."""
+
+    cell_size: PositiveMeters
+    positive_max: HalfFraction
+    negative_max: HalfFraction
+    tukey_alpha: Fraction
+    significant_point: Literal["bottom_center", "center"]
+    object_size: ObjectSize
+    threshold: Fraction
+    cluster_distance: PositiveMeters
+    clamp_min: Fraction = 0.1192
+    clamp_max: Fraction = 0.971
+    lateness: PositiveSeconds
+
+
+class Mission(Strict):
+    """Everything a run reads. Paths are relative to the mission file."""
+
+    name: str
+    terrain: Terrain
+    streams: tuple[Stream, ...] = Field(min_length=1)
+    inventory: Path
+    pool: Path
+    processing: Processing
+    fusion: Fusion
+    truth: Path | None = None
+
+    @model_validator(mode="after")
+    def _streams_are_unique(self) -> Mission:
+        names = [stream.id for stream in self.streams]
+        for name in names:
+            if names.count(name) > 1:
+                raise ValueError(f"stream {name!r} once, not {names.count(name)} times")
+        return self
+
+
+def load_mission(path: Path) -> Mission:
+    """Read and validate a mission file; all paths come back resolved against it."""
+    mission = load(path, Mission)
+    base = path.parent
+    streams = tuple(
+        s.model_copy(
+            update={
+                "video": base / s.video,
+                "camera": base / s.camera,
+                "telemetry": s.telemetry.model_copy(update={"file": base / s.telemetry.file}),
+            }
+        )
+        for s in mission.streams
+    )
+    return mission.model_copy(
+        update={
+            "streams": streams,
+            "terrain": mission.terrain.model_copy(update={"file": base / mission.terrain.file}),
+            "inventory": base / mission.inventory,
+            "pool": base / mission.pool,
+            "truth": None if mission.truth is None else base / mission.truth,
+        }
+    )

@@ -1,0 +1,49 @@
+"""Quantities in YAML carry their unit: ``cell_size: {meters: 0.5}``. A bare number or another unit fails."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator
+
+_METERS = {"meters": 1.0, "centimeters": 0.01, "kilometers": 1000.0}
+_SECONDS = {"seconds": 1.0, "milliseconds": 1e-3, "microseconds": 1e-6, "minutes": 60.0}
+_HERTZ = {"hertz": 1.0}
+_BPS = {"bps": 1.0, "kbps": 1e3, "mbps": 1e6, "gbps": 1e9}
+_RADIANS = {"degrees": math.pi / 180.0, "radians": 1.0}
+_BYTES = {"megabytes": 1e6, "gigabytes": 1e9}
+_MPS = {"meters_per_second": 1.0}
+
+
+def _quantity(units: dict[str, float], low: float, high: float) -> Callable[[Any], float]:
+    choices = " or ".join("{%s: NUMBER}" % name for name in units)
+
+    def parse(value: Any) -> float:
+        if not isinstance(value, dict) or len(value) != 1:
+            raise ValueError(f"expected {choices}")
+        ((unit, number),) = value.items()
+        if unit not in units:
+            raise ValueError(f"unknown unit {unit!r}, expected {choices}")
+        if isinstance(number, bool) or not isinstance(number, int | float) or math.isnan(number):
+            raise ValueError(f"expected a number of {unit}")
+        result = float(number) * units[unit]
+        if not low <= result <= high:
+            raise ValueError(f"expected a value of at least {low:g}" if result < low else f"expected at most {high:g}")
+        return result
+
+    return parse
+
+
+_INF = math.inf
+Meters = Annotated[float, BeforeValidator(_quantity(_METERS, -_INF, _INF))]
+PositiveMeters = Annotated[float, BeforeValidator(_quantity(_METERS, 1e-9, 1e9))]
+Seconds = Annotated[float, BeforeValidator(_quantity(_SECONDS, -_INF, _INF))]
+PositiveSeconds = Annotated[float, BeforeValidator(_quantity(_SECONDS, 1e-9, 1e9))]
+Hertz = Annotated[float, BeforeValidator(_quantity(_HERTZ, 1e-6, 1e6))]
+#: bits per second; ``{mbps: .inf}`` is a link without limit
+BitsPerSecond = Annotated[float, BeforeValidator(_quantity(_BPS, 0.0, _INF))]
+Radians = Annotated[float, BeforeValidator(_quantity(_RADIANS, -_INF, _INF))]
+Bytes = Annotated[float, BeforeValidator(_quantity(_BYTES, 0.0, 1e15))]
+MetersPerSecond = Annotated[float, BeforeValidator(_quantity(_MPS, 0.0, 1e4))]

@@ -1,0 +1,35 @@
+"""The errors a user can cause, each one line: what and where, what was found, what would be right."""
+
+from __future__ import annotations
+
+
+class SearchlightError(Exception):
+    """Root of every error that the command line prints as one line with exit code 2."""
+
+    exit_code = 2
+
+
+class InputError(SearchlightError):
+    """An input that cannot be used.
+
+    Parameters
+    ----------
+    where: the file, with the line or the field if known, e.g. ``mission.yaml:12 fusion.cell_size``.
+    found: the offending value, as the user would recognise it.
+    expected: what would be right.
+    """
+
+    def __init__(self, where: object, found: str, expected: str) -> None:
+        self.where, self.found, self.expected = str(where), found, expected
+        super().__init__(f"{where}: found {found}; expected {expected}")
+
+    def __reduce__(self) -> tuple[type[InputError], tuple[str, str, str]]:
+        return type(self), (self.where, self.found, self.expected)
+
+
+class NoPlanError(SearchlightError):
+    """The allocation problem has no solution; the message names the limits that clash."""
+
+
+class ProtocolError(SearchlightError):
+    """Bytes from the wire that are not a message of ours; the connection is closed."""

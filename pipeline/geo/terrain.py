@@ -1,0 +1,145 @@
+"""The ground as a regular grid of heights in the map frame (2.5-D), read from a surface model (DSM)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numba
+import numpy as np
+import rasterio
+from numpy.typing import NDArray
+from rasterio.warp import Resampling, reproject, transform_bounds
+
+from pipeline.errors import InputError
+from pipeline.geo.frame import LocalFrame
+from pipeline.messages import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Terrain:
+    """heights_m: float32 (rows, columns), NaN where unknown; row 0 is the *south* edge, column 0 the west edge.
+
+    Cell (r, c) covers east_m + c * cell_m .. + cell_m, north_m + r * cell_m .. + cell_m; its height is that of its centre.
+    """
+
+    frame: LocalFrame
+    east_m: float
+    north_m: float
+    cell_m: float
+    heights_m: NDArray[np.float32]
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows, columns."""
+        return self.heights_m.shape[0], self.heights_m.shape[1]
+
+    def cells(self, points_enu: FloatArray) -> NDArray[np.int64]:
+        """Row and column (N, 2) of points (N, >=2); -1, -1 outside."""
+        column = np.floor((points_enu[:, 0] - self.east_m) / self.cell_m)
+        row = np.floor((points_enu[:, 1] - self.north_m) / self.cell_m)
+        inside = (row >= 0) & (row < self.shape[0]) & (column >= 0) & (column < self.shape[1])
+        return np.where(inside[:, None], np.stack([row, column], axis=1), -1).astype(np.int64)
+
+    def centers(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> FloatArray:
+        """Centres (N, 3) of cells on the surface."""
+        return np.stack(
+            [
+                self.east_m + (columns + 0.5) * self.cell_m,
+                self.north_m + (rows + 0.5) * self.cell_m,
+                self.heights_m[rows, columns].astype(np.float64),
+            ],
+            axis=1,
+        )
+
+    def height(self, east_m: float, north_m: float) -> float:
+        """Bilinear surface height at a position; NaN outside or where unknown."""
+        return float(_bilinear(self.heights_m, (east_m - self.east_m) / self.cell_m - 0.5,
+                               (north_m - self.north_m) / self.cell_m - 0.5))
+
+    def intersect(self, origin_enu: FloatArray, direction_enu: FloatArray, max_distance_m: float) -> FloatArray | None:
+        """First point (3,) where a ray meets the bilinear surface, to 1 cm, or None."""
+        t = _march(self.heights_m, self.east_m, self.north_m, self.cell_m,
+                   np.asarray(origin_enu, np.float64), np.asarray(direction_enu, np.float64), max_distance_m)
+        return None if t < 0 else np.asarray(origin_enu + t * direction_enu, dtype=np.float64)
+
+
+def frame_of(path: Path) -> LocalFrame:
+    """The map frame with its origin at the middle of a surface model."""
+    with _open(path) as source:
+        west, south, east, north = transform_bounds(source.crs, "EPSG:4326", *source.bounds)
+    return LocalFrame((south + north) / 2.0, (west + east) / 2.0)
+
+
+def load_terrain(path: Path, cell_m: float, frame: LocalFrame | None = None) -> Terrain:
+    """Resample a GeoTIFF surface model to the map frame. Raises InputError if it cannot be used."""
+    frame = frame or frame_of(path)
+    with _open(path) as source:
+        west, south, east, north = transform_bounds(source.crs, frame.crs, *source.bounds, densify_pts=21)
+        west, south = np.floor(west / cell_m) * cell_m, np.floor(south / cell_m) * cell_m
+        columns, rows = int(np.ceil((east - west) / cell_m)), int(np.ceil((north - south) / cell_m))
+        if rows * columns > 400_000_000:
+            raise InputError(path, f"{rows} x {columns} cells of {cell_m} m", "at most 4e8 cells: a larger cell_size")
+        north_up = np.full((rows, columns), np.nan, dtype=np.float32)
+        finer = abs(source.transform.a) < 0.75 * cell_m and source.crs.is_projected
+        reproject(
+            rasterio.band(source, 1),
+            north_up,
+            dst_transform=rasterio.transform.from_origin(west, south + rows * cell_m, cell_m, cell_m),
+            dst_crs=frame.crs.to_wkt(),
+            dst_nodata=np.nan,
+            resampling=Resampling.average if finer else Resampling.bilinear,
+        )
+    if not np.isfinite(north_up).any():
+        raise InputError(path, "no height at all", "a surface model with heights")
+    return Terrain(frame, float(west), float(south), cell_m, np.ascontiguousarray(north_up[::-1]))
+
+
+def _open(path: Path) -> rasterio.DatasetReader:
+    if not path.is_file():
+        raise InputError(path, "no file", "a GeoTIFF surface model")
+    try:
+        source = rasterio.open(path)
+    except rasterio.errors.RasterioError:
+        raise InputError(path, "a file that is not a raster", "a GeoTIFF surface model") from None
+    if source.crs is None:
+        source.close()
+        raise InputError(f"{path} CRS", "none", "a GeoTIFF with a coordinate reference system")
+    return source
+
+
+@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+def _bilinear(heights, x, y):  # type: ignore[no-untyped-def]
+    rows, columns = heights.shape
+    if not (-0.5 <= x <= columns - 0.5 and -0.5 <= y <= rows - 0.5):
+        return np.nan
+    x, y = min(max(x, 0.0), columns - 1.0), min(max(y, 0.0), rows - 1.0)
+    c, r = min(int(x), max(columns - 2, 0)), min(int(y), max(rows - 2, 0))
+    c1, r1 = min(c + 1, columns - 1), min(r + 1, rows - 1)
+    fx, fy = x - c, y - r
+    low = heights[r, c] * (1 - fx) + heights[r, c1] * fx
+    high = heights[r1, c] * (1 - fx) + heights[r1, c1] * fx
+    return low * (1 - fy) + high * fy
+
+
+@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+def _march(heights, east, north, cell, origin, direction, reach):  # type: ignore[no-untyped-def]
+    step = 0.25 * cell
+    before, t = 0.0, 0.0
+    while t <= reach:
+        x, y = (origin[0] + t * direction[0] - east) / cell - 0.5, (origin[1] + t * direction[1] - north) / cell - 0.5
+        ground = _bilinear(heights, x, y)
+        if origin[2] + t * direction[2] <= ground:
+            low, high = before, t
+            while high - low > 0.005:
+                middle = 0.5 * (low + high)
+                x = (origin[0] + middle * direction[0] - east) / cell - 0.5
+                y = (origin[1] + middle * direction[1] - north) / cell - 0.5
+                if origin[2] + middle * direction[2] <= _bilinear(heights, x, y):
+                    high = middle
+                else:
+                    low = middle
+            return high
+        before = t
+        t += step
+    return -1.0

@@ -1,0 +1,171 @@
+"""The frozen records that travel between the stages, and their wire form (msgpack).
+
+Frames of reference
+-------------------
+``enu``: the mission's local map frame, x east, y north, z up, metres (see ``pipeline.geo.frame``).
+``camera``: x right, y down, z along the optical axis (the OpenCV convention).
+Pixels: x right, y down, (0, 0) is the *corner* of the first pixel; its centre is (0.5, 0.5).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any, TypeVar
+
+import msgpack
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.errors import ProtocolError
+
+FloatArray = NDArray[np.float64]
+MAX_MESSAGE_BYTES = 16 * 1024 * 1024
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CameraPose:
+    """Where the camera is and where it looks.
+
+    position_enu: float64 (3,), metres. enu_from_camera: float64 (3, 3), a rotation.
+    """
+
+    position_enu: FloatArray
+    enu_from_camera: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Frame:
+    """One picture of one stream. Never travels between processes.
+
+    image: uint8 (H, W, 3) RGB. time_ns: capture time, ns UTC. index: number of the frame in its video, from 0.
+    """
+
+    stream: str
+    index: int
+    time_ns: int
+    pose: CameraPose
+    image: NDArray[np.uint8]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Packet:
+    """One encoded frame of one substream.
+
+    data: the codec's bytes. pts: presentation time in units of time_base_num / time_base_den seconds.
+    encode_s: what encoding took. sent_ns: time of sending by the sender's clock.
+    """
+
+    stream: str
+    detector: str
+    index: int
+    time_ns: int
+    pts: int
+    time_base_num: int
+    time_base_den: int
+    keyframe: bool
+    pose: CameraPose
+    data: bytes
+    encode_s: float = 0.0
+    sent_ns: int = 0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Hops:
+    """Seconds that one result spent on each part of its way. They never influence the map."""
+
+    encode_s: float = 0.0
+    transfer_s: float = 0.0
+    decode_s: float = 0.0
+    detect_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Detections:
+    """What one detector saw in one frame; N = 0 is evidence too.
+
+    boxes_px: float64 (N, 4) x0, y0, x1, y1 in pixels of the stream's picture.
+    scores: float64 (N,) in 0..1. class_ids: int64 (N,).
+    """
+
+    stream: str
+    detector: str
+    index: int
+    time_ns: int
+    pose: CameraPose
+    boxes_px: FloatArray
+    scores: FloatArray
+    class_ids: NDArray[np.int64]
+    hops: Hops = Hops()
+
+    @property
+    def order(self) -> tuple[int, str, str]:
+        """Results are applied to the map in this order; it is also what makes two results the same."""
+        return self.time_ns, self.stream, self.detector
+
+
+@dataclass(frozen=True, slots=True)
+class Dropped:
+    """A frame of a substream that will not be processed, and why."""
+
+    stream: str
+    detector: str
+    index: int
+    time_ns: int
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class EndOfStream:
+    """The last message of a substream (stream, detector)."""
+
+    stream: str
+    detector: str
+
+
+Message = Packet | Detections | Dropped | EndOfStream
+_RECORDS: dict[str, type] = {
+    cls.__name__: cls for cls in (CameraPose, Packet, Hops, Detections, Dropped, EndOfStream)
+}
+_DTYPES = {"float64": np.float64, "int64": np.int64}
+_M = TypeVar("_M")
+
+
+def pack(message: Message) -> bytes:
+    """The wire form of a message: msgpack of its fields, arrays as raw little-endian bytes."""
+    return bytes(msgpack.packb(message, default=_encode, use_bin_type=True))
+
+
+def unpack(data: bytes | bytearray | memoryview) -> Message:
+    """The message in the wire form. Raises ProtocolError if it is not one of ours."""
+    try:
+        message = msgpack.unpackb(
+            data, object_hook=_decode, strict_map_key=True, max_buffer_size=MAX_MESSAGE_BYTES
+        )
+    except ProtocolError:
+        raise
+    except Exception as error:
+        raise ProtocolError(f"not a message: {error}") from error
+    if not isinstance(message, Packet | Detections | Dropped | EndOfStream):
+        raise ProtocolError(f"not a message: {type(message).__name__}")
+    return message
+
+
+def _encode(value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        return {"@": "array", "dtype": value.dtype.name, "shape": value.shape, "data": value.tobytes()}
+    if type(value).__name__ in _RECORDS:
+        return {"@": type(value).__name__} | {f.name: getattr(value, f.name) for f in fields(value)}
+    raise TypeError(f"{type(value).__name__} does not travel")
+
+
+def _decode(value: dict[str, Any]) -> Any:
+    kind = value.pop("@", None)
+    if kind == "array":
+        dtype = _DTYPES.get(value["dtype"])
+        if dtype is None:
+            raise ProtocolError(f"array of {value['dtype']!r}")
+        array = np.frombuffer(value["data"], dtype=dtype).reshape(value["shape"])
+        return array
+    if kind in _RECORDS:
+        return _RECORDS[kind](**value)
+    raise ProtocolError(f"record of kind {kind!r}")
