@@ -10,7 +10,7 @@ Pixels: x right, y down, (0, 0) is the *corner* of the first pixel; its centre i
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import Any, TypeVar
+from typing import Any
 
 import msgpack
 import numpy as np
@@ -127,7 +127,6 @@ _RECORDS: dict[str, type] = {
     cls.__name__: cls for cls in (CameraPose, Packet, Hops, Detections, Dropped, EndOfStream)
 }
 _DTYPES = {"float64": np.float64, "int64": np.int64}
-_M = TypeVar("_M")
 
 
 def pack(message: Message) -> bytes:
@@ -137,10 +136,10 @@ def pack(message: Message) -> bytes:
 
 def unpack(data: bytes | bytearray | memoryview) -> Message:
     """The message in the wire form. Raises ProtocolError if it is not one of ours."""
+    if len(data) > MAX_MESSAGE_BYTES:
+        raise ProtocolError(f"a message of {len(data)} bytes; at most {MAX_MESSAGE_BYTES} are taken")
     try:
-        message = msgpack.unpackb(
-            data, object_hook=_decode, strict_map_key=True, max_buffer_size=MAX_MESSAGE_BYTES
-        )
+        message = msgpack.unpackb(data, object_hook=_decode)
     except ProtocolError:
         raise
     except Exception as error:
@@ -164,8 +163,7 @@ def _decode(value: dict[str, Any]) -> Any:
         dtype = _DTYPES.get(value["dtype"])
         if dtype is None:
             raise ProtocolError(f"array of {value['dtype']!r}")
-        array = np.frombuffer(value["data"], dtype=dtype).reshape(value["shape"])
-        return array
+        return np.frombuffer(value["data"], dtype=dtype).reshape(value["shape"])
     if kind in _RECORDS:
         return _RECORDS[kind](**value)
     raise ProtocolError(f"record of kind {kind!r}")

@@ -65,7 +65,9 @@ def _refuse_duplicates(path: Path, node: yaml.Node) -> None:
         seen: set[str] = set()
         for key, value in node.value:
             if key.value in seen:
-                raise InputError(f"{path}:{key.start_mark.line + 1} {key.value}", "the key twice", "one of them")
+                raise InputError(
+                    f"{path}:{key.start_mark.line + 1} {key.value}", "the key twice", "one of them"
+                )
             seen.add(key.value)
             _refuse_duplicates(path, value)
 

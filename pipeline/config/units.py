@@ -30,7 +30,9 @@ def _quantity(units: dict[str, float], low: float, high: float) -> Callable[[Any
             raise ValueError(f"expected a number of {unit}")
         result = float(number) * units[unit]
         if not low <= result <= high:
-            raise ValueError(f"expected a value of at least {low:g}" if result < low else f"expected at most {high:g}")
+            raise ValueError(
+                f"expected a value of at least {low:g}" if result < low else f"expected at most {high:g}"
+            )
         return result
 
     return parse

@@ -34,7 +34,9 @@ class LocalFrame:
     def _to_local(self) -> Transformer:
         return Transformer.from_crs("EPSG:4326", self.crs, always_xy=True)
 
-    def enu_from_wgs84(self, latitude_deg: FloatArray, longitude_deg: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def enu_from_wgs84(
+        self, latitude_deg: FloatArray, longitude_deg: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
         """East and north, metres, of WGS84 positions, degrees; scalars or arrays of one shape."""
         east, north = self._to_local.transform(longitude_deg, latitude_deg)
         return np.asarray(east, dtype=np.float64), np.asarray(north, dtype=np.float64)

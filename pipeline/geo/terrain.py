@@ -54,13 +54,27 @@ class Terrain:
 
     def height(self, east_m: float, north_m: float) -> float:
         """Bilinear surface height at a position; NaN outside or where unknown."""
-        return float(_bilinear(self.heights_m, (east_m - self.east_m) / self.cell_m - 0.5,
-                               (north_m - self.north_m) / self.cell_m - 0.5))
+        return float(
+            _bilinear(
+                self.heights_m,
+                (east_m - self.east_m) / self.cell_m - 0.5,
+                (north_m - self.north_m) / self.cell_m - 0.5,
+            )
+        )
 
-    def intersect(self, origin_enu: FloatArray, direction_enu: FloatArray, max_distance_m: float) -> FloatArray | None:
+    def intersect(
+        self, origin_enu: FloatArray, direction_enu: FloatArray, max_distance_m: float
+    ) -> FloatArray | None:
         """First point (3,) where a ray meets the bilinear surface, to 1 cm, or None."""
-        t = _march(self.heights_m, self.east_m, self.north_m, self.cell_m,
-                   np.asarray(origin_enu, np.float64), np.asarray(direction_enu, np.float64), max_distance_m)
+        t = _march(
+            self.heights_m,
+            self.east_m,
+            self.north_m,
+            self.cell_m,
+            np.asarray(origin_enu, np.float64),
+            np.asarray(direction_enu, np.float64),
+            max_distance_m,
+        )
         return None if t < 0 else np.asarray(origin_enu + t * direction_enu, dtype=np.float64)
 
 
@@ -79,7 +93,9 @@ def load_terrain(path: Path, cell_m: float, frame: LocalFrame | None = None) -> 
         west, south = np.floor(west / cell_m) * cell_m, np.floor(south / cell_m) * cell_m
         columns, rows = int(np.ceil((east - west) / cell_m)), int(np.ceil((north - south) / cell_m))
         if rows * columns > 400_000_000:
-            raise InputError(path, f"{rows} x {columns} cells of {cell_m} m", "at most 4e8 cells: a larger cell_size")
+            raise InputError(
+                path, f"{rows} x {columns} cells of {cell_m} m", "at most 4e8 cells: a larger cell_size"
+            )
         north_up = np.full((rows, columns), np.nan, dtype=np.float32)
         finer = abs(source.transform.a) < 0.75 * cell_m and source.crs.is_projected
         reproject(
@@ -127,7 +143,10 @@ def _march(heights, east, north, cell, origin, direction, reach):  # type: ignor
     step = 0.25 * cell
     before, t = 0.0, 0.0
     while t <= reach:
-        x, y = (origin[0] + t * direction[0] - east) / cell - 0.5, (origin[1] + t * direction[1] - north) / cell - 0.5
+        x, y = (
+            (origin[0] + t * direction[0] - east) / cell - 0.5,
+            (origin[1] + t * direction[1] - north) / cell - 0.5,
+        )
         ground = _bilinear(heights, x, y)
         if origin[2] + t * direction[2] <= ground:
             low, high = before, t
