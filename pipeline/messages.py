@@ -37,11 +37,13 @@ class CameraPose:
 class Frame:
     """One picture of one stream. Never travels between processes.
 
-    image: uint8 (H, W, 3) RGB. time_ns: capture time, ns UTC. index: number of the frame in its video, from 0.
+    image: uint8 (H, W, 3) RGB. time_ns: capture time, ns UTC. index: number of the frame in its video, from 0;
+    tick: number of the frame on the processing clock.
     """
 
     stream: str
     index: int
+    tick: int
     time_ns: int
     pose: CameraPose
     image: NDArray[np.uint8]
@@ -52,7 +54,8 @@ class Packet:
     """One encoded frame of one substream.
 
     data: the codec's bytes. pts: presentation time in units of time_base_num / time_base_den seconds.
-    encode_s: what encoding took. sent_ns: time of sending by the sender's clock.
+    encode_s: what encoding took. link_s: how long the link needed, where the sender can know it (pace max);
+    otherwise the receiver takes the difference to sent_ns, the sender's clock, ns UTC.
     """
 
     stream: str
@@ -66,6 +69,7 @@ class Packet:
     pose: CameraPose
     data: bytes
     encode_s: float = 0.0
+    link_s: float = 0.0
     sent_ns: int = 0
 
 

@@ -2,22 +2,49 @@
 
 from __future__ import annotations
 
+import re
+import reprlib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
 import yaml
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+from pydantic_core import ErrorDetails, PydanticCustomError
 
 from pipeline.errors import InputError
+
+_MISMATCH = "mismatch"
+
+
+def mismatch(found: str, expected: str, at: Sequence[str | int] = ()) -> PydanticCustomError:
+    """What a validator raises if it can say it better than pydantic. at: the way to the fault from the validated value."""
+    return PydanticCustomError(_MISMATCH, "mismatch", {"found": found, "expected": expected, "at": tuple(at)})
 
 
 class Strict(BaseModel):
     """Frozen; unknown keys fail."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _keys_are_known(cls, data: Any) -> Any:
+        # before "missing": a key with a slip of the pen is unknown and missing, and the slip is what to look at
+        for key in data if isinstance(data, dict) else ():
+            if key not in cls.model_fields:
+                raise mismatch("an unknown key", "one of " + ", ".join(cls.model_fields), at=(str(key),))
+        return data
 
 
 S = TypeVar("S", bound=Strict)
+
+
+def refuse_repeated(kind: str, names: Sequence[object], at: str) -> None:
+    """Raise a mismatch at the list ``at`` if a name comes twice."""
+    for number, name in enumerate(names):
+        if name in names[:number]:
+            raise mismatch(f"{kind} {name!r} again", f"every {kind} once", at=(at, number))
 
 
 def load(path: Path, schema: type[S]) -> S:
@@ -26,7 +53,7 @@ def load(path: Path, schema: type[S]) -> S:
     try:
         return schema.model_validate(_plain(path, node))
     except ValidationError as error:
-        raise _first_fault(path, node, error) from None
+        raise _input_error(path, node, error.errors(include_url=False)[0]) from None
 
 
 def _parse(path: Path) -> yaml.Node:
@@ -34,70 +61,117 @@ def _parse(path: Path) -> yaml.Node:
         text = path.read_text(encoding="utf-8")
     except FileNotFoundError:
         raise InputError(path, "no file", "a YAML file") from None
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, ValueError) as error:
         raise InputError(path, f"an unreadable file ({error})", "a YAML file in UTF-8") from None
     try:
         node = yaml.compose(text, Loader=yaml.SafeLoader)
     except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        line = f":{mark.line + 1}" if mark else ""
-        problem = getattr(error, "problem", None) or str(error).splitlines()[0]
-        raise InputError(f"{path}{line}", f"text that is not YAML ({problem})", "valid YAML") from None
+        raise _not_yaml(path, error) from None
+    except (ValueError, OverflowError, RecursionError) as error:
+        # PyYAML lets these out for escapes beyond Unicode and for nesting without end
+        raise InputError(path, f"text that is not YAML ({type(error).__name__})", "valid YAML") from None
     if not isinstance(node, yaml.MappingNode):
         raise InputError(path, "no mapping", "keys and values at the top of the file")
     return node
 
 
+class _Loader(yaml.SafeLoader):
+    """SafeLoader, but a scalar that its tag does not fit is a YAMLError with a line, not whatever Python raises."""
+
+    def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
+        try:
+            return super().construct_object(node, deep)  # type: ignore[no-untyped-call]
+        except (ValueError, OverflowError, LookupError, AttributeError, TypeError) as error:
+            tag = node.tag.rpartition(":")[2]
+            raise yaml.constructor.ConstructorError(None, None, f"not a {tag}", node.start_mark) from error
+
+
 def _plain(path: Path, node: yaml.Node) -> Any:
-    _refuse_duplicates(path, node)
-    loader = yaml.SafeLoader("")
     try:
-        return loader.construct_document(node)  # type: ignore[no-untyped-call]
+        _refuse_duplicates(path, node, set())
+        return _Loader("").construct_document(node)  # type: ignore[no-untyped-call]
     except yaml.YAMLError as error:
-        raise InputError(path, f"text that is not plain YAML ({error})", "valid YAML") from None
+        raise _not_yaml(path, error) from None
+    except RecursionError:
+        raise InputError(path, "nesting without end", "a few levels") from None
 
 
-def _refuse_duplicates(path: Path, node: yaml.Node) -> None:
+def _not_yaml(path: Path, error: yaml.YAMLError) -> InputError:
+    mark = getattr(error, "problem_mark", None)
+    problem = getattr(error, "problem", None) or str(error).splitlines()[0]
+    where = f"{path}:{mark.line + 1}" if mark else path
+    return InputError(where, f"text that is not YAML ({_one_line(problem)})", "valid YAML")
+
+
+def _refuse_duplicates(path: Path, node: yaml.Node, visited: set[int]) -> None:
+    if id(node) in visited:
+        return  # an alias: it may double what it contains line by line, or contain itself
+    visited.add(id(node))
     if isinstance(node, yaml.SequenceNode):
         for item in node.value:
-            _refuse_duplicates(path, item)
+            _refuse_duplicates(path, item, visited)
     if isinstance(node, yaml.MappingNode):
-        seen: set[str] = set()
+        keys: set[str] = set()
         for key, value in node.value:
-            if key.value in seen:
-                raise InputError(
-                    f"{path}:{key.start_mark.line + 1} {key.value}", "the key twice", "one of them"
-                )
-            seen.add(key.value)
-            _refuse_duplicates(path, value)
+            _require_new_key(path, key, keys)
+            _refuse_duplicates(path, value, visited)
 
 
-def _first_fault(path: Path, node: yaml.Node, error: ValidationError) -> InputError:
-    fault = error.errors(include_url=False)[0]
-    location, line = [], node.start_mark.line + 1
-    here: yaml.Node | None = node
-    for key in fault["loc"]:
-        child, child_line = _child(here, key)
-        location.append(str(key))
-        here = child
-        if child_line is not None:
-            line = child_line
-    where = f"{path}:{line} {'.'.join(location)}".rstrip()
-    kind, found = fault["type"], repr(fault["input"])
-    found = found if len(found) <= 100 else found[:97] + "..."
-    if kind == "extra_forbidden":
-        return InputError(where, "an unknown key", "only keys of the schema")
-    if kind == "missing":
-        return InputError(where, "nothing", "this key")
-    message = fault["msg"].removeprefix("Value error, ").removeprefix("expected ")
-    return InputError(where, found, message[0].lower() + message[1:])
+def _require_new_key(path: Path, key: yaml.Node, keys: set[str]) -> None:
+    where = f"{path}:{key.start_mark.line + 1}"
+    if not isinstance(key, yaml.ScalarNode):
+        raise InputError(where, "a key that is a list or a mapping", "a name as the key")
+    if key.value in keys:
+        raise InputError(f"{where} {_one_line(key.value)}", "the key twice", "it once")
+    keys.add(key.value)
 
 
-def _child(node: yaml.Node | None, key: object) -> tuple[yaml.Node | None, int | None]:
+def _input_error(path: Path, node: yaml.Node, fault: ErrorDetails) -> InputError:
+    context = fault.get("ctx", {})
+    way = (*fault["loc"], *context.get("at", ()))
+    field = ".".join(_one_line(str(key)) for key in way)
+    where = f"{path}:{_line(node, way)} {field}".rstrip()
+    if fault["type"] == _MISMATCH:
+        return InputError(where, _one_line(context["found"]), _one_line(context["expected"]))
+    if fault["type"] == "missing":
+        return InputError(where, "nothing", "a value for this key")
+    if fault["type"] == "string_pattern_mismatch":
+        return InputError(where, _short(fault["input"]), f"text of the pattern {context['pattern']}")
+    return InputError(where, _short(fault["input"]), _expected(fault["msg"]))
+
+
+def _expected(message: str) -> str:
+    message = re.sub(r"^(Value error, )?(expected )?", "", message)
+    message = re.sub(r"^(Input|String|Tuple|List|Dictionary|Value) should (be |have )?", "", message)
+    return message[:1].lower() + message[1:]
+
+
+def _short(value: object) -> str:
+    limits = reprlib.Repr()
+    limits.maxlevel, limits.maxdict, limits.maxlist, limits.maxstring, limits.maxother = 2, 3, 3, 60, 60
+    return _one_line(limits.repr(value))
+
+
+def _one_line(text: str) -> str:
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text[:200])
+
+
+def _line(node: yaml.Node | None, way: Sequence[str | int]) -> int:
+    """The line of the deepest part of the way that the file has."""
+    line = node.start_mark.line if node is not None else 0
+    for key in way:
+        found = _child(node, key)
+        if found is None:
+            break
+        node, line = found
+    return line + 1
+
+
+def _child(node: yaml.Node | None, key: str | int) -> tuple[yaml.Node, int] | None:
     if isinstance(node, yaml.SequenceNode) and isinstance(key, int) and key < len(node.value):
-        return node.value[key], node.value[key].start_mark.line + 1
+        return node.value[key], node.value[key].start_mark.line
     if isinstance(node, yaml.MappingNode):
         for name, value in node.value:
             if name.value == str(key):
-                return value, name.start_mark.line + 1
-    return None, None
+                return value, name.start_mark.line
+    return None

@@ -7,7 +7,7 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from pipeline.config.base import Strict, load
+from pipeline.config.base import Strict, load, mismatch, refuse_repeated
 from pipeline.config.units import BitsPerSecond, Bytes
 
 
@@ -20,8 +20,13 @@ class Machine(Strict):
     id: str = Field(pattern=r"^[A-Za-z0-9_.-]+$")
     type: str
     memory: Bytes
-    count: int = Field(default=1, ge=1)
+    count: int = Field(default=1, ge=1, le=10_000)
     provider: Literal["cpu", "cuda"] = "cpu"
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """ID, ID-2, ID-3, .. up to the count."""
+        return self.id, *(f"{self.id}-{number}" for number in range(2, self.count + 1))
 
 
 class Site(Strict):
@@ -48,20 +53,23 @@ class Inventory(Strict):
 
     @model_validator(mode="after")
     def _names_are_unique(self) -> Inventory:
-        _refuse_repeated("site", [site.id for site in self.sites])
-        _refuse_repeated("machine", [machine.id for site in self.sites for machine in site.machines])
-        _refuse_repeated("link", [f"{link.stream} -> {link.site}" for link in self.links])
-        sites = {site.id for site in self.sites}
-        for link in self.links:
+        refuse_repeated("site", [site.id for site in self.sites], at="sites")
+        refuse_repeated("link", [f"{link.stream} -> {link.site}" for link in self.links], at="links")
+        self._refuse_repeated_machines()
+        sites = [site.id for site in self.sites]
+        for number, link in enumerate(self.links):
             if link.site not in sites:
-                raise ValueError(f"links that end at a site of the inventory, not at {link.site!r}")
+                raise mismatch(repr(link.site), "one of the sites " + ", ".join(sites), ("links", number, "site"))
         return self
 
-
-def _refuse_repeated(kind: str, names: list[str]) -> None:
-    for name in names:
-        if names.count(name) > 1:
-            raise ValueError(f"{kind} {name!r} once, not {names.count(name)} times")
+    def _refuse_repeated_machines(self) -> None:
+        seen: set[str] = set()
+        for s, site in enumerate(self.sites):
+            for m, machine in enumerate(site.machines):
+                if again := seen.intersection(machine.names):
+                    at = ("sites", s, "machines", m, "id")
+                    raise mismatch(f"machine {min(again)!r} again", "every machine once", at)
+                seen.update(machine.names)
 
 
 def load_inventory(path: Path) -> Inventory:

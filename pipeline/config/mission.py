@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from pipeline.config.base import Strict, load
-from pipeline.config.units import BitsPerSecond, Hertz, Meters, PositiveMeters, PositiveSeconds, Seconds
+from pipeline.config.base import Strict, load, mismatch, refuse_repeated
+from pipeline.config.units import Bitrate, Hertz, Meters, PositiveMeters, PositiveSeconds, Seconds
 
 Fraction = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
 HalfFraction = Annotated[float, Field(ge=0.0, le=0.5, allow_inf_nan=False)]
@@ -41,7 +41,7 @@ class Telemetry(Strict):
     @model_validator(mode="after")
     def _relative_needs_takeoff(self) -> Telemetry:
         if self.height == "relative" and self.takeoff_height is None:
-            raise ValueError("takeoff_height beside height: relative")
+            raise mismatch("none", "a height, since telemetry.height is relative", ("takeoff_height",))
         return self
 
 
@@ -65,7 +65,7 @@ class Processing(Strict):
     accuracy_weight: Fraction = 0.6
     memory_rule: Literal["ram", "one_detector_per_machine"] = "ram"
     codec: Codec = "h264"
-    bitrates: tuple[BitsPerSecond, ...] = Field(min_length=1)
+    bitrates: tuple[Bitrate, ...] = Field(min_length=1)
     time_limit: PositiveSeconds = 30.0
 
 
@@ -79,8 +79,10 @@ class ObjectSize(Strict):
 
     @model_validator(mode="after")
     def _ordered(self) -> ObjectSize:
-        if self.width_min >= self.width_max or self.height_min >= self.height_max:
-            raise ValueError("minimum sizes below the maximum ones")
+        if self.width_min >= self.width_max:
+            raise mismatch(f"{self.width_min:g} m", f"less than width_max, {self.width_max:g} m", ("width_min",))
+        if self.height_min >= self.height_max:
+            raise mismatch(f"{self.height_min:g} m", f"less than height_max, {self.height_max:g} m", ("height_min",))
         return self
 
 
@@ -95,9 +97,16 @@ class Fusion(Strict):
     object_size: ObjectSize
     threshold: Fraction
     cluster_distance: PositiveMeters
-    clamp_min: Fraction = 0.1192
-    clamp_max: Fraction = 0.971
+    clamp_min: float = Field(default=0.1192, gt=0.0, lt=0.5)
+    clamp_max: float = Field(default=0.971, gt=0.5, lt=1.0)
     lateness: PositiveSeconds
+
+    @model_validator(mode="after")
+    def _threshold_can_be_reached(self) -> Fusion:
+        if not 0.5 < self.threshold < self.clamp_max:
+            expected = f"more than 0.5 and less than clamp_max, {self.clamp_max:g}"
+            raise mismatch(f"{self.threshold:g}", expected, ("threshold",))
+        return self
 
 
 class Mission(Strict):
@@ -114,10 +123,7 @@ class Mission(Strict):
 
     @model_validator(mode="after")
     def _streams_are_unique(self) -> Mission:
-        names = [stream.id for stream in self.streams]
-        for name in names:
-            if names.count(name) > 1:
-                raise ValueError(f"stream {name!r} once, not {names.count(name)} times")
+        refuse_repeated("stream", [stream.id for stream in self.streams], at="streams")
         return self
 
 

@@ -7,8 +7,8 @@ from typing import Annotated, Any
 
 from pydantic import Field, model_validator
 
-from pipeline.config.base import Strict, load
-from pipeline.config.units import BitsPerSecond, Bytes, PositiveSeconds
+from pipeline.config.base import Strict, load, mismatch, refuse_repeated
+from pipeline.config.units import Bitrate, Bytes, PositiveSeconds
 
 Accuracy = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
 
@@ -16,7 +16,7 @@ Accuracy = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
 class AccuracyAt(Strict):
     """Accuracy (AP .5 unless the provenance says otherwise) on video of this bitrate."""
 
-    bitrate: BitsPerSecond
+    bitrate: Bitrate
     accuracy: Accuracy
 
 
@@ -26,6 +26,12 @@ class TimeOn(Strict):
     machine: str
     mean: PositiveSeconds
     maximum: PositiveSeconds | None = None
+
+    @model_validator(mode="after")
+    def _maximum_is_not_below_mean(self) -> TimeOn:
+        if self.maximum is not None and self.maximum < self.mean:
+            raise mismatch(f"{self.maximum:g} s", f"at least the mean, {self.mean:g} s", ("maximum",))
+        return self
 
 
 class PoolDetector(Strict):
@@ -43,6 +49,12 @@ class PoolDetector(Strict):
     accuracy: tuple[AccuracyAt, ...] = Field(min_length=1)
     times: tuple[TimeOn, ...] = Field(min_length=1)
 
+    @model_validator(mode="after")
+    def _rows_are_unique(self) -> PoolDetector:
+        refuse_repeated("bitrate", [row.bitrate for row in self.accuracy], at="accuracy")
+        refuse_repeated("machine type", [row.machine for row in self.times], at="times")
+        return self
+
 
 class Pool(Strict):
     """The detectors, and where the numbers come from."""
@@ -53,10 +65,7 @@ class Pool(Strict):
 
     @model_validator(mode="after")
     def _names_are_unique(self) -> Pool:
-        names = [detector.id for detector in self.detectors]
-        for name in names:
-            if names.count(name) > 1:
-                raise ValueError(f"detector {name!r} once, not {names.count(name)} times")
+        refuse_repeated("detector", [detector.id for detector in self.detectors], at="detectors")
         return self
 
 

@@ -6,7 +6,9 @@ import math
 from collections.abc import Callable
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator
+from pydantic import BeforeValidator, Field
+
+from pipeline.config.base import mismatch
 
 _METERS = {"meters": 1.0, "centimeters": 0.01, "kilometers": 1000.0}
 _SECONDS = {"seconds": 1.0, "milliseconds": 1e-3, "microseconds": 1e-6, "minutes": 60.0}
@@ -25,27 +27,33 @@ def _quantity(units: dict[str, float], low: float, high: float) -> Callable[[Any
             raise ValueError(f"expected {choices}")
         ((unit, number),) = value.items()
         if unit not in units:
-            raise ValueError(f"unknown unit {unit!r}, expected {choices}")
+            raise mismatch(f"the unit {unit!r}", choices)
         if isinstance(number, bool) or not isinstance(number, int | float) or math.isnan(number):
             raise ValueError(f"expected a number of {unit}")
-        result = float(number) * units[unit]
+        try:
+            result = float(number) * units[unit]
+        except OverflowError:
+            raise ValueError(f"expected a number of {unit} that fits a float") from None
         if not low <= result <= high:
-            raise ValueError(
-                f"expected a value of at least {low:g}" if result < low else f"expected at most {high:g}"
-            )
+            side, bound = ("at least", low) if result < low else ("at most", high)
+            raise ValueError(f"expected {side} {{{unit}: {bound / units[unit]:g}}}")
         return result
 
     return parse
 
 
 _INF = math.inf
-Meters = Annotated[float, BeforeValidator(_quantity(_METERS, -_INF, _INF))]
-PositiveMeters = Annotated[float, BeforeValidator(_quantity(_METERS, 1e-9, 1e9))]
-Seconds = Annotated[float, BeforeValidator(_quantity(_SECONDS, -_INF, _INF))]
-PositiveSeconds = Annotated[float, BeforeValidator(_quantity(_SECONDS, 1e-9, 1e9))]
+#: no length or time in a search is greater; what is, is a slip
+_MOST = 1e9
+Meters = Annotated[float, BeforeValidator(_quantity(_METERS, -_MOST, _MOST))]
+PositiveMeters = Annotated[float, BeforeValidator(_quantity(_METERS, 1e-9, _MOST))]
+Seconds = Annotated[float, BeforeValidator(_quantity(_SECONDS, -_MOST, _MOST))]
+PositiveSeconds = Annotated[float, BeforeValidator(_quantity(_SECONDS, 1e-9, _MOST))]
 Hertz = Annotated[float, BeforeValidator(_quantity(_HERTZ, 1e-6, 1e6))]
 #: bits per second; ``{mbps: .inf}`` is a link without limit
-BitsPerSecond = Annotated[float, BeforeValidator(_quantity(_BPS, 0.0, _INF))]
-Radians = Annotated[float, BeforeValidator(_quantity(_RADIANS, -_INF, _INF))]
+BitsPerSecond = Annotated[float, Field(allow_inf_nan=True), BeforeValidator(_quantity(_BPS, 0.0, _INF))]
+#: bits per second of a video
+Bitrate = Annotated[float, BeforeValidator(_quantity(_BPS, 1.0, 1e12))]
+Radians = Annotated[float, BeforeValidator(_quantity(_RADIANS, -_MOST, _MOST))]
 Bytes = Annotated[float, BeforeValidator(_quantity(_BYTES, 0.0, 1e15))]
 MetersPerSecond = Annotated[float, BeforeValidator(_quantity(_MPS, 0.0, 1e4))]

@@ -1,0 +1,56 @@
+# Every target sets up what it needs: a virtual environment in .venv, no root.
+PYTHON ?= $(firstword $(foreach v,3.11 3.12 3.13,$(shell command -v python$(v) 2>/dev/null)) python3)
+VENV := .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/.ready
+MISSION ?= configs/missions/demo/mission.yaml
+OUT ?= runs/demo
+
+.DEFAULT_GOAL := help
+.PHONY: help setup run test test-all bench lint simulate train clean
+
+help: ## print the targets
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+
+setup: $(READY) ## make .venv with the exact versions of requirements.lock
+
+$(READY): requirements.lock pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' || \
+		{ echo "error: $(PYTHON) is not Python 3.11 to 3.13; name one: make PYTHON=/path/to/python3.12 (Debian: apt install python3)" >&2; exit 2; }
+	@$(PYTHON) -c 'import ensurepip' 2>/dev/null || \
+		{ echo "error: $(PYTHON) cannot make virtual environments (Debian: apt install python3-venv)" >&2; exit 2; }
+	@echo "setting up $(VENV)"
+	@$(PYTHON) -m venv $(VENV)
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
+	@$(BIN)/python -m actors.system_check
+	@touch $@
+
+run: setup ## the demo: video and telemetry of two drones in, map of people out (runs/demo)
+	$(BIN)/searchlight run $(MISSION) --out $(OUT)
+
+test: setup ## the tests (a few minutes)
+	$(BIN)/python -m pytest
+
+test-all: setup ## the tests and the slow sweeps
+	$(BIN)/python -m pytest -m ""
+
+bench: setup ## every figure of the README, measured here
+	$(BIN)/python -m tests.benchmarks.figures
+
+lint: setup ## ruff, mypy, import-linter
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+simulate: setup ## render the demo's mission again
+	$(BIN)/searchlight simulate configs/scenarios/demo.yaml --out runs/mission-demo
+
+train: setup ## train the shipped detectors again (about an hour on two cores)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[train]'
+	$(BIN)/searchlight train configs/detectors/nano.train.yaml --out runs/train
+	$(BIN)/searchlight train configs/detectors/small.train.yaml --out runs/train
+
+clean: ## remove .venv and runs
+	rm -rf $(VENV) runs

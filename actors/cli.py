@@ -1,0 +1,168 @@
+"""The command ``searchlight``."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from pipeline.errors import InputError, SearchlightError
+
+app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, help=__doc__)
+console = Console(stderr=True)
+
+
+class Pace(StrEnum):
+    """realtime: as the video plays. max: as fast as this machine can."""
+
+    REALTIME = "realtime"
+    MAX = "max"
+
+
+@app.command()
+def simulate(
+    scenario: Annotated[Path, typer.Argument(help="The scenario file (YAML).")],
+    out: Annotated[Path, typer.Option(help="Folder for the mission; must not exist or be empty.")],
+) -> None:
+    """Render a mission in the formats that a real one has."""
+    from pipeline.simulation.mission_writer import simulate as write_mission
+
+    with _progress("frames") as progress:
+        mission = write_mission(scenario, out, progress=progress)
+    console.print(f"wrote {mission}")
+
+
+@app.command()
+def check(mission: Annotated[Path, typer.Argument(help="The mission file (YAML).")]) -> None:
+    """Find everything that would keep a mission from running, without running it."""
+    from pipeline.preflight import plan, prepare
+
+    prepared = prepare(mission, thorough=True)
+    result = plan(prepared)
+    console.print(
+        f"{mission}: usable; {len(prepared.streams)} streams, {len(result.assignments)} substreams planned "
+        f"({result.status}, objective {result.objective:.4g})"
+    )
+
+
+@app.command()
+def run(
+    mission: Annotated[Path, typer.Argument(help="The mission file (YAML).")],
+    out: Annotated[Path, typer.Option(help="Run directory; new, empty, or of an earlier run.")],
+    pace: Annotated[Pace, typer.Option(help="As the video plays, or as fast as this machine can.")] = Pace.MAX,
+    local: Annotated[bool, typer.Option("--local", help="In one process, without Ray: the reference.")] = False,
+    address: Annotated[str | None, typer.Option(help="A running Ray cluster; without it one is started.")] = None,
+    metrics_port: Annotated[int | None, typer.Option(help="Serve /metrics there; 0 for any free port.")] = None,
+    metrics_host: Annotated[str, typer.Option(help="Interface for /metrics.")] = "127.0.0.1",
+) -> None:
+    """Detect, fuse and map: from video files to the people found."""
+    from actors.mission import RunOptions, run_on_ray
+    from pipeline.outputs.safe_write import check_run_directory
+    from pipeline.preflight import prepare
+    from pipeline.publish import FinishedRun, publish
+
+    check_run_directory(out)
+    prepared = prepare(mission)
+    with _progress("frames") as progress:
+        if local:
+            finished = _run_local(prepared, progress)
+        else:
+            options = RunOptions(pace.value, address, metrics_port, metrics_host)
+            result = run_on_ray(prepared, options, progress, console.print)
+            finished = FinishedRun(
+                result.plan, result.reducer, result.counts, result.bytes_sent, result.seconds, pace.value
+            )
+    summary = publish(prepared, finished, out)
+    _print_people(summary)
+    console.print(f"{summary.video_seconds:.1f} s of video in {summary.seconds:.1f} s; see {out / 'report.html'}")
+
+
+@app.command()
+def train(
+    config: Annotated[Path, typer.Argument(help="The training configuration (YAML).")],
+    out: Annotated[Path, typer.Option(help="Folder for data, checkpoints and the ONNX file.")],
+) -> None:
+    """Train a person detector on simulated scenes (needs the extra 'train')."""
+    try:
+        from pipeline.training.train import train as train_detector
+    except ModuleNotFoundError as error:
+        raise InputError("searchlight train", f"no module {error.name}", "pip install 'searchlight[train]'") from None
+    with _progress("steps") as progress:
+        train_detector(config, out, progress=progress)
+
+
+def main() -> None:
+    """Run the command line; an error of ours is one line and exit code 2."""
+    try:
+        app()
+    except SearchlightError as error:
+        console.print(f"[bold red]error:[/] {_escape(str(error))}", soft_wrap=True, highlight=False)
+        sys.exit(error.exit_code)
+
+
+def _escape(text: str) -> str:
+    return text.replace("[", r"\[")
+
+
+def _run_local(prepared, progress):  # type: ignore[no-untyped-def]
+    from pipeline.local import run_local
+    from pipeline.preflight import plan
+    from pipeline.publish import FinishedRun
+
+    chosen = plan(prepared)
+    started = time.monotonic()
+    result = run_local(prepared, chosen, progress)
+    return FinishedRun(
+        chosen, result.reducer, result.counts, result.bytes_sent, time.monotonic() - started, "local"
+    )
+
+
+@contextmanager
+def _progress(unit: str) -> Iterator[Callable[[str, int, int], None]]:
+    bars = Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.completed:.0f}/{task.total:.0f} " + unit),
+        TextColumn("{task.fields[note]}"),
+        TimeRemainingColumn(),
+        console=console,
+    )
+    tasks: dict[str, TaskID] = {}
+
+    def update(name: str, done: int, total: int) -> None:
+        if name not in tasks:
+            tasks[name] = bars.add_task(name, total=total, note="")
+        bars.update(tasks[name], completed=done, total=total)
+
+    with bars:
+        yield update
+
+
+def _print_people(summary) -> None:  # type: ignore[no-untyped-def]
+    from pipeline.outputs.report import verdict
+    from pipeline.outputs.utc import clock_utc
+
+    table = Table(title=verdict(summary.locations, summary.match))
+    distance = {} if summary.match is None else summary.match.distance_m
+    for column in ("place", "probability", "latitude", "longitude", "seen from", "to", "to the true place"):
+        table.add_column(column, justify="right")
+    for place in summary.locations:
+        known = f"{distance[place.id]:.2f} m" if place.id in distance else "" if summary.match is None else "false"
+        table.add_row(
+            str(place.id), f"{place.probability:.2f}", f"{place.latitude_deg:.7f}", f"{place.longitude_deg:.7f}",
+            clock_utc(place.first_seen_ns), clock_utc(place.last_seen_ns), known,
+        )
+    Console().print(table)
+
+
+if __name__ == "__main__":
+    main()

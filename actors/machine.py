@@ -1,0 +1,85 @@
+"""The machine actor: one process per machine; each substream that it was given has a decoder, a detector, a thread."""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+import traceback
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from pipeline.allocation.plan import Assignment
+from pipeline.config.mission import Codec
+from pipeline.detection import load_detector
+from pipeline.link.channel import LinkSender, Receiver
+from pipeline.link.token_bucket import TokenBucket
+from pipeline.messages import EndOfStream, Message, Packet
+from pipeline.stages.detector import DetectorStage
+
+Address = tuple[str, int]
+#: packets that may wait for one detector; the sender's link feels what is above
+QUEUE_PACKETS = 32
+#: in real time a frame that waited longer is decoded (the next one needs it) but not looked at
+MAX_WAIT_S = 1.0
+_RESULTS = "reducer"
+
+
+@dataclass(frozen=True)
+class MachineStatus:
+    """packets waiting per (stream, detector); connections refused; what went wrong, or None."""
+
+    machine: str
+    waiting: dict[tuple[str, str], int]
+    rejected: int
+    error: str | None
+
+
+class MachineActor:
+    """One machine. models: pool detector -> (ONNX bytes' path, score threshold)."""
+
+    def __init__(self, machine: str, host: str, token: bytes, codec: Codec) -> None:
+        self._machine, self._host, self._token, self._codec = machine, host, token, codec
+        self._queues: dict[tuple[str, str], queue.Queue[tuple[int, Message]]] = {}
+        self._error: str | None = None
+        self._receiver: Receiver | None = None
+        self._results = LinkSender(TokenBucket(float("inf"), float("inf")), capacity_bytes=16 * 1024 * 1024)
+
+    def start(
+        self,
+        assignments: tuple[Assignment, ...],
+        models: Mapping[str, tuple[str, float]],
+        reducer: Address,
+        realtime: bool,
+    ) -> Address:
+        """Load the detectors, begin to listen; the address for the substreams' packets."""
+        self._results.connect(_RESULTS, reducer, self._token)
+        for a in assignments:
+            path, threshold = models[a.pool_detector]
+            stage = DetectorStage(load_detector(path, score_threshold=threshold), self._codec)
+            waiting: queue.Queue[tuple[int, Message]] = queue.Queue(QUEUE_PACKETS)
+            self._queues[a.stream, a.detector] = waiting
+            threading.Thread(target=self._work, args=(stage, waiting, realtime), daemon=True).start()
+        self._receiver = Receiver(self._host, self._receive, token=self._token)
+        return self._receiver.address
+
+    def status(self) -> MachineStatus:
+        """A snapshot."""
+        waiting = {key: q.qsize() for key, q in self._queues.items()}
+        return MachineStatus(self._machine, waiting, self._receiver.rejected if self._receiver else 0, self._error)
+
+    def _receive(self, message: Message) -> None:
+        if isinstance(message, Packet | EndOfStream):
+            self._queues[message.stream, message.detector].put((time.time_ns(), message))
+
+    def _work(self, stage: DetectorStage, waiting: queue.Queue[tuple[int, Message]], realtime: bool) -> None:
+        try:
+            while True:
+                received_ns, message = waiting.get()
+                late = realtime and time.time_ns() - received_ns > MAX_WAIT_S * 1e9
+                result = stage.skip(message) if late else stage.process(message, received_ns)
+                self._results.send(_RESULTS, result)
+                if isinstance(message, EndOfStream):
+                    return
+        except Exception:
+            self._error = traceback.format_exc()

@@ -1,0 +1,124 @@
+"""Prometheus metrics of a run, from the newest snapshot of its actors."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from prometheus_client import CollectorRegistry, start_http_server
+from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, HistogramMetricFamily, Metric
+from prometheus_client.registry import Collector
+
+from actors.reducer import ReducerStatus
+from actors.source import SourceStatus
+from pipeline.allocation.plan import Plan
+from pipeline.stages.reducer import LATENCY_BUCKETS_S
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """What the supervisor last heard of everybody. bandwidth_bps: (stream, site) -> limit."""
+
+    plan: Plan
+    sources: Mapping[str, SourceStatus] = field(default_factory=dict)
+    reducer: ReducerStatus | None = None
+    bandwidth_bps: Mapping[tuple[str, str], float] = field(default_factory=dict)
+
+
+class RunCollector(Collector):
+    """Turns the snapshot into metrics at each scrape."""
+
+    def __init__(self, snapshot: Snapshot) -> None:
+        self.snapshot = snapshot
+
+    def collect(self) -> Iterable[Metric]:
+        """All metrics of the run; their names begin with searchlight_."""
+        yield from _plan_metrics(self.snapshot.plan)
+        yield from _frame_metrics(self.snapshot)
+        yield from _link_metrics(self.snapshot)
+        if self.snapshot.reducer is not None:
+            yield from _result_metrics(self.snapshot.reducer)
+
+
+def serve(snapshot: Snapshot, port: int, host: str = "127.0.0.1") -> tuple[RunCollector, Any]:
+    """Serve /metrics; set the collector's snapshot to change what it shows. port 0: any free one."""
+    registry = CollectorRegistry()
+    collector = RunCollector(snapshot)
+    registry.register(collector)
+    server, _ = start_http_server(port, addr=host, registry=registry)
+    return collector, server
+
+
+def _plan_metrics(plan: Plan) -> Iterable[Metric]:
+    yield GaugeMetricFamily("searchlight_plan_objective", "Objective of the running plan", value=plan.objective or 0.0)
+    yield GaugeMetricFamily("searchlight_plan_gap", "Relative gap to the proven bound", value=plan.gap or 0.0)
+    yield GaugeMetricFamily("searchlight_plan_solve_seconds", "Time that planning took", value=plan.solve_s)
+    yield GaugeMetricFamily("searchlight_plan_substreams", "Substreams in the running plan", value=len(plan.assignments))
+
+
+def _frame_metrics(snapshot: Snapshot) -> Iterable[Metric]:
+    captured = CounterMetricFamily("searchlight_frames_captured", "Frames of the video so far", labels=["stream"])
+    frames = CounterMetricFamily(
+        "searchlight_frames", "Frames of the video so far, by what became of them", labels=["stream", "outcome"]
+    )
+    flight = GaugeMetricFamily("searchlight_frames_in_flight", "Frames sent and not yet answered", labels=["stream"])
+    for stream, source in snapshot.sources.items():
+        outcomes = frame_outcomes(source, snapshot.reducer)
+        captured.add_metric([stream], sum(outcomes.values()))
+        flight.add_metric([stream], outcomes.pop("in_flight"))
+        for outcome, count in outcomes.items():
+            frames.add_metric([stream, outcome], count)
+    yield captured
+    yield frames
+    yield flight
+
+
+def frame_outcomes(source: SourceStatus, reducer: ReducerStatus | None) -> dict[str, int]:
+    """Frames of a stream so far by outcome; the sum is what was captured, at every moment."""
+    done = max(source.frames_done, source.sampled)
+    outcomes = Counter({"not_sampled": done - source.sampled, **source.frames_dropped})
+    if reducer is not None:
+        outcomes["processed"] = reducer.frames.get(source.stream, 0)
+        outcomes.update(reducer.frames_dropped.get(source.stream, {}))
+    # the reducer's snapshot is the newer one: it may have seen frames that the source's does not hold yet
+    outcomes["in_flight"] = max(0, done - sum(outcomes.values()))
+    return dict(outcomes)
+
+
+def _link_metrics(snapshot: Snapshot) -> Iterable[Metric]:
+    sent = CounterMetricFamily("searchlight_link_bytes", "Bytes sent over a link", labels=["stream", "site"])
+    limit = GaugeMetricFamily("searchlight_link_bandwidth_bps", "Bandwidth of a link", labels=["stream", "site"])
+    for stream, source in snapshot.sources.items():
+        for site, count in source.bytes_sent.items():
+            sent.add_metric([stream, site], count)
+    for (stream, site), bps in snapshot.bandwidth_bps.items():
+        limit.add_metric([stream, site], bps)
+    yield sent
+    yield limit
+
+
+def _result_metrics(reducer: ReducerStatus) -> Iterable[Metric]:
+    results = CounterMetricFamily("searchlight_results", "Results applied to the map", labels=["stream", "detector"])
+    for (stream, detector), count in reducer.results.items():
+        results.add_metric([stream, detector], count)
+    dropped = CounterMetricFamily("searchlight_results_dropped", "Frames of a substream without a result", labels=["stream", "detector", "reason"])
+    for (stream, detector), reasons in reducer.dropped.items():
+        for reason, count in reasons.items():
+            dropped.add_metric([stream, detector, reason], count)
+    refused = CounterMetricFamily("searchlight_evidence_refused", "Evidence that the map did not take", labels=["reason"])
+    for reason, count in reducer.refused.items():
+        refused.add_metric([reason], count)
+    latency = HistogramMetricFamily("searchlight_hop_seconds", "Time a result spent on each part of its way", labels=["stream", "detector", "hop"])
+    for (stream, detector), hops in reducer.hops.items():
+        for hop, histogram in hops.items():
+            total, buckets = 0, []
+            for bound, count in zip([*map(str, LATENCY_BUCKETS_S), "+Inf"], histogram.counts, strict=True):
+                total += count
+                buckets.append((bound, total))
+            latency.add_metric([stream, detector, hop], buckets, histogram.sum_s)
+    yield results
+    yield dropped
+    yield refused
+    yield latency

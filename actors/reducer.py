@@ -1,0 +1,85 @@
+"""The reducer actor: the one owner of the map."""
+
+from __future__ import annotations
+
+import threading
+import traceback
+from collections import Counter
+from dataclasses import dataclass
+
+from pipeline.allocation.plan import Plan
+from pipeline.link.channel import Receiver
+from pipeline.local import make_reducer
+from pipeline.messages import Message
+from pipeline.preflight import PreparedMission
+from pipeline.stages.reducer import HopHistogram, ReducerStage
+
+Address = tuple[str, int]
+
+
+@dataclass(frozen=True)
+class ReducerStatus:
+    """What the reducer has done so far.
+
+    results, dropped: per (stream, detector). frames, frames_dropped: per stream, each frame once.
+    hops: latencies per (stream, detector) and hop.
+    """
+
+    open_substreams: int
+    results: dict[tuple[str, str], int]
+    detections: dict[tuple[str, str], int]
+    dropped: dict[tuple[str, str], dict[str, int]]
+    frames: dict[str, int]
+    frames_dropped: dict[str, dict[str, int]]
+    refused: dict[str, int]
+    hops: dict[tuple[str, str], dict[str, HopHistogram]]
+    rejected: int
+    error: str | None
+
+
+class ReducerActor:
+    """Takes results from every machine."""
+
+    def __init__(self, prepared: PreparedMission, plan: Plan, host: str, token: bytes, realtime: bool) -> None:
+        self._stage = make_reducer(prepared, plan, lateness=realtime)
+        self._lock = threading.Lock()
+        self._error: str | None = None
+        self._receiver = Receiver(host, self._receive, token=token)
+
+    def address(self) -> Address:
+        """Where the machines send their results."""
+        return self._receiver.address
+
+    def status(self) -> ReducerStatus:
+        """A snapshot."""
+        with self._lock:
+            stage = self._stage
+            streams = sorted({stream for stream, _ in stage.processed})
+            return ReducerStatus(
+                open_substreams=len(stage.open),
+                results={key: len(frames) for key, frames in stage.processed.items()},
+                detections=dict(stage.detections),
+                dropped={key: dict(Counter(frames.values())) for key, frames in stage.dropped.items()},
+                frames={stream: len(stage.frames(stream)) for stream in streams},
+                frames_dropped={stream: stage.frames_dropped(stream) for stream in streams},
+                refused=dict(stage.fuser.refused),
+                hops={key: dict(hops) for key, hops in stage.hops.items()},
+                rejected=self._receiver.rejected,
+                error=self._error,
+            )
+
+    def finish(self) -> ReducerStage:
+        """Apply what is held back; the map and all that is known of how it came about."""
+        self._receiver.close()
+        with self._lock:
+            self._stage.finish()
+            return self._stage
+
+    def _receive(self, message: Message) -> None:
+        try:
+            with self._lock:
+                self._stage.push(message)
+        except Exception:
+            self._error = traceback.format_exc()
+            raise
+

@@ -1,0 +1,128 @@
+"""The source actor: runs one stream's source stage in a thread."""
+
+from __future__ import annotations
+
+import threading
+import time
+import traceback
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from pipeline.allocation.plan import Assignment
+from pipeline.link.channel import LinkSender
+from pipeline.link.token_bucket import TokenBucket
+from pipeline.local import MAX_BACKLOG_S
+from pipeline.messages import Message
+from pipeline.stages.radio_link import RadioLink
+from pipeline.stages.source import SourceCount, SourceStage, StreamInput
+from pipeline.stages.virtual_link import VirtualLink
+
+Pace = Literal["realtime", "max"]
+Address = tuple[str, int]
+QUEUE_BYTES = 4 * 1024 * 1024
+
+
+@dataclass(frozen=True)
+class SourceStatus:
+    """How far the source is.
+
+    frames_done of frames_total frames of the video; sampled: those on the processing clock; frames_dropped: sent to
+    nobody, by reason. bytes_sent: per site. error: what went wrong, or None.
+    """
+
+    stream: str
+    frames_done: int
+    frames_total: int
+    finished: bool
+    sampled: int
+    frames_dropped: dict[str, int]
+    bytes_sent: dict[str, int]
+    error: str | None
+
+
+class SourceActor:
+    """One stream. bandwidth_bps: of its link to every site that it sends to."""
+
+    def __init__(
+        self, stream: StreamInput, assignments: tuple[Assignment, ...], bandwidth_bps: Mapping[str, float], token: bytes
+    ) -> None:
+        self._stream = stream
+        self._assignments = tuple(a for a in assignments if a.stream == stream.stream)
+        self._bandwidth = bandwidth_bps
+        self._token = token
+        self._frames_done = 0
+        self._finished = False
+        self._error: str | None = None
+        self._stage: SourceStage | None = None
+        self._bytes: dict[str, int] = {}
+
+    def start(self, addresses: Mapping[str, Address], pace: Pace, start_time_s: float) -> None:
+        """Begin to send. addresses: of each detector. start_time_s: when the first frame is due, UTC (realtime)."""
+        run = self._run_realtime if pace == "realtime" else self._run_max
+        threading.Thread(target=self._guard, args=(run, addresses, start_time_s), daemon=True).start()
+
+    def status(self) -> SourceStatus:
+        """A snapshot."""
+        count = self.count()
+        return SourceStatus(
+            stream=self._stream.stream,
+            frames_done=self._frames_done,
+            frames_total=self._stream.video.frames,
+            finished=self._finished,
+            sampled=len(count.due),
+            frames_dropped=dict(count.frames_dropped),
+            bytes_sent=dict(self._bytes),
+            error=self._error,
+        )
+
+    def count(self) -> SourceCount:
+        """What became of every frame, as the source knows it; call it when it is finished."""
+        return self._stage.count if self._stage else SourceCount()
+
+    def _guard(self, run, addresses, start_time_s) -> None:  # type: ignore[no-untyped-def]
+        try:
+            run(addresses, start_time_s)
+            self._frames_done = self._stream.video.frames
+            self._finished = True
+        except Exception:
+            self._error = traceback.format_exc()
+
+    def _run_realtime(self, addresses: Mapping[str, Address], start_time_s: float) -> None:
+        link = RadioLink(self._bandwidth, QUEUE_BYTES, self._token)
+        for a in self._assignments:
+            link.connect(a.site, a.detector, addresses[a.detector])
+
+        def wait_until(video_s: float) -> float:
+            self._progress(video_s)
+            self._bytes = link.bytes_sent
+            time.sleep(max(0.0, start_time_s + video_s - time.time()))
+            return time.time() - start_time_s
+
+        self._stage = SourceStage(self._stream, self._assignments, link, MAX_BACKLOG_S)
+        self._stage.run(wait_until)
+        link.close()
+        self._bytes = link.bytes_sent
+
+    def _run_max(self, addresses: Mapping[str, Address], start_time_s: float) -> None:
+        sender = LinkSender(TokenBucket(float("inf"), float("inf")), capacity_bytes=QUEUE_BYTES)
+        for a in self._assignments:
+            sender.connect(a.detector, addresses[a.detector], self._token)
+
+        def deliver(detector: str, message: Message) -> None:
+            sender.send(detector, message)
+
+        def wait_until(video_s: float) -> float:
+            self._progress(video_s)
+            self._bytes = dict(link.bytes_sent)
+            return video_s
+
+        link = VirtualLink(self._bandwidth, deliver)
+        self._stage = SourceStage(self._stream, self._assignments, link, MAX_BACKLOG_S)
+        self._stage.run(wait_until)
+        sender.flush(None)
+        sender.close()
+        self._bytes = dict(link.bytes_sent)
+
+    def _progress(self, video_s: float) -> None:
+        self._frames_done = min(self._stream.video.frames, round(video_s * self._stream.video.frame_rate))

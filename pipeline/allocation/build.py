@@ -1,0 +1,199 @@
+"""From a mission, an inventory and a pool to the allocation problem (the paper's Algorithm det_ass)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.allocation.problem import Detector, MachineLimit, Problem
+from pipeline.config.inventory import Inventory
+from pipeline.config.mission import Processing
+from pipeline.config.pool import AccuracyAt, Pool, PoolDetector
+from pipeline.errors import InputError
+
+#: 0.1 s at 30 Hz is 3 frames, not the 4 that the float product 3.0000000000000004 would give
+_ROUNDING = 1e-9
+
+
+def build_problem(
+    streams: Mapping[str, str], processing: Processing, inventory: Inventory, pool: Pool, *, where: Path
+) -> Problem:
+    """The problem of a mission. streams: own site by stream id. where: the mission file, for messages.
+
+    A stream reaches its own site without a limit; a site that the inventory does not have (a drone without a
+    computer) is no place to detect at. A detector's time is its stated maximum, else its mean: the text
+    derives periods from the worst case, the paper's own table from the means.
+
+    Raises InputError for a machine type without times, a detector without a machine, a stream without a link,
+    bitrates that no link carries, and when no detector is fast enough.
+    """
+    machines = tuple(machine for machine, _ in _machines(inventory, where))
+    _check_types(inventory, pool, where)
+    links = _links(streams, inventory, where)
+    bitrates = _bitrates(processing, links, where)
+    return Problem(
+        streams=tuple(streams),
+        sites=tuple(site.id for site in inventory.sites),
+        machines=machines,
+        detectors=_detectors(processing, inventory, pool, bitrates, where),
+        bitrates_bps=bitrates,
+        link_bps=links,
+        frame_rate_hz=processing.frame_rate,
+        detectors_per_stream=processing.detectors_per_stream,
+        detectors_per_frame=processing.detectors_per_frame,
+        accuracy_weight=processing.accuracy_weight,
+        memory_rule=processing.memory_rule,
+    )
+
+
+def period_of(time_s: float, frame_rate_hz: float) -> int:
+    """Eq. period: ceil(time_d * processingFrameRate), at least 1."""
+    return max(1, math.ceil(time_s * frame_rate_hz - _ROUNDING))
+
+
+def max_frame_time_s(processing: Processing) -> float:
+    """Algorithm det_ass, first line: min(maxProcessingTime, detPerStream / processingFrameRate)."""
+    return min(processing.max_processing_time, processing.detectors_per_stream / processing.frame_rate)
+
+
+def accuracy_at(points: tuple[AccuracyAt, ...], bitrate_bps: float) -> float:
+    """Accuracy at a bitrate: linear in its logarithm between the pool's points, level beyond them."""
+    ordered = sorted(points, key=lambda point: point.bitrate)
+    return float(
+        np.interp(
+            math.log(bitrate_bps),
+            [math.log(point.bitrate) for point in ordered],
+            [point.accuracy for point in ordered],
+        )
+    )
+
+
+def _machines(inventory: Inventory, where: Path) -> Iterator[tuple[MachineLimit, str]]:
+    """Every machine, each copy by its own name, with its type."""
+    seen: set[str] = set()
+    for site in inventory.sites:
+        for machine in site.machines:
+            for number in range(1, machine.count + 1):
+                name = machine.id if number == 1 else f"{machine.id}-{number}"
+                if name in seen:
+                    raise InputError(
+                        f"{where} inventory.sites.{site.id}.machines", f"two machines {name!r}", "another id"
+                    )
+                seen.add(name)
+                yield MachineLimit(name, site.id, machine.memory), machine.type
+
+
+def _check_types(inventory: Inventory, pool: Pool, where: Path) -> None:
+    owned = {machine.type: machine.id for site in inventory.sites for machine in site.machines}
+    timed = {time.machine for detector in pool.detectors for time in detector.times}
+    for kind, machine in owned.items():
+        if kind not in timed:
+            raise InputError(
+                f"{where} inventory machine {machine}.type",
+                repr(kind),
+                f"a machine type of the pool: {_names(timed)}",
+            )
+    for detector in pool.detectors:
+        kinds = {time.machine for time in detector.times}
+        if not kinds & owned.keys():
+            raise InputError(
+                f"{where} pool.detectors.{detector.id}.times",
+                f"only machines that are not there: {_names(kinds)}",
+                f"a time on a machine type of the inventory: {_names(set(owned))}",
+            )
+
+
+def _names(names: set[str]) -> str:
+    return ", ".join(sorted(names))
+
+
+def _links(streams: Mapping[str, str], inventory: Inventory, where: Path) -> dict[tuple[str, str], float]:
+    sites = {site.id for site in inventory.sites}
+    links = {(link.stream, link.site): link.bandwidth for link in inventory.links if link.stream in streams}
+    links |= {(stream, own): math.inf for stream, own in streams.items() if own in sites}
+    for stream, own in streams.items():
+        if not any(links.get((stream, site), 0.0) > 0.0 for site in sites):
+            raise InputError(
+                f"{where} streams.{stream}",
+                f"no link to any site, and no site {own!r} of its own",
+                f"a link in the inventory to one of: {_names(sites)}",
+            )
+    return links
+
+
+def _bitrates(
+    processing: Processing, links: Mapping[tuple[str, str], float], where: Path
+) -> tuple[float, ...]:
+    """B: the levels that are not above every link (the paper's max_link_bw), ascending."""
+    field = f"{where} processing.bitrates"
+    for bitrate in processing.bitrates:
+        if not 0.0 < bitrate < math.inf:
+            raise InputError(field, f"{bitrate:g} bps", "bitrates above 0 and finite")
+        if processing.bitrates.count(bitrate) > 1:
+            raise InputError(field, f"{bitrate:g} bps twice", "each bitrate once")
+    widest = max(links.values())
+    usable = tuple(sorted(bitrate for bitrate in processing.bitrates if bitrate <= widest))
+    if not usable:
+        raise InputError(
+            field,
+            f"only bitrates above every link, {min(processing.bitrates):g} bps and more",
+            f"one of at most {widest:g} bps",
+        )
+    return usable
+
+
+def _detectors(
+    processing: Processing, inventory: Inventory, pool: Pool, bitrates: tuple[float, ...], where: Path
+) -> tuple[Detector, ...]:
+    """getDetectors of Algorithm det_ass: every network on every machine where it is fast enough."""
+    limit_s = max_frame_time_s(processing)
+    accuracies = {d.id: tuple(_accuracy(d, bitrate, where) for bitrate in bitrates) for d in pool.detectors}
+    timed = [
+        (network, machine, time.mean if time.maximum is None else time.maximum)
+        for machine, kind in _machines(inventory, where)
+        for network in pool.detectors
+        for time in network.times
+        if time.machine == kind
+    ]
+    if min(time_s for _, _, time_s in timed) > limit_s + _ROUNDING:
+        _refuse_slow(processing, timed, limit_s, where)
+    return tuple(
+        Detector(
+            id=f"{machine.id}:{network.id}",
+            detector=network.id,
+            machine=machine.id,
+            site=machine.site,
+            period=period_of(time_s, processing.frame_rate),
+            memory_bytes=network.memory,
+            accuracy=accuracies[network.id],
+            execution_s=time_s,
+        )
+        for network, machine, time_s in timed
+        if time_s <= limit_s + _ROUNDING
+    )
+
+
+def _accuracy(network: PoolDetector, bitrate: float, where: Path) -> float:
+    field = f"{where} pool.detectors.{network.id}.accuracy"
+    bitrates = [point.bitrate for point in network.accuracy]
+    if not all(0.0 < b < math.inf for b in bitrates) or len(set(bitrates)) < len(bitrates):
+        raise InputError(field, f"bitrates {bitrates} bps", "different bitrates, above 0 and finite")
+    return accuracy_at(network.accuracy, bitrate)
+
+
+def _refuse_slow(
+    processing: Processing,
+    timed: list[tuple[PoolDetector, MachineLimit, float]],
+    limit_s: float,
+    where: Path,
+) -> None:
+    network, machine, time_s = min(timed, key=lambda found: found[2])
+    raise InputError(
+        f"{where} processing",
+        f"no detector that is fast enough; the fastest, {network.id} on {machine.id}, takes {time_s:g} s",
+        f"at most {limit_s:g} s, the lesser of max_processing_time {processing.max_processing_time:g} s and "
+        f"detectors_per_stream / frame_rate {processing.detectors_per_stream / processing.frame_rate:g} s",
+    )

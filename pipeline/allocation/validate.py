@@ -1,0 +1,129 @@
+"""An independent check of a plan, frame by frame and link by link; it shares no code with the solvers."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter, defaultdict
+from collections.abc import Iterator
+
+from pipeline.allocation.plan import Assignment, Plan
+from pipeline.allocation.problem import Detector, Problem
+
+#: solvers round to whole bits per second, kilobytes and 1e-9 of objective
+_BPS_TOLERANCE = 1.0
+_BYTES_TOLERANCE = 1000.0
+_OBJECTIVE_TOLERANCE = 1e-6
+
+
+def validate(problem: Problem, plan: Plan) -> list[str]:
+    """Every fault of the plan, one line each; empty for a plan that keeps all limits.
+
+    An infeasible or unknown answer is faultless if it assigns nothing; whether it is true is not checked
+    here.
+    """
+    if plan.status in ("infeasible", "unknown"):
+        return [f"status {plan.status} with {len(plan.assignments)} assignments"] if plan.assignments else []
+    unknown = list(_unknown_names(problem, plan))
+    if unknown:
+        return unknown
+    checks = (_detectors, _frames, _streams, _links, _machines, _objective)
+    return [fault for check in checks for fault in check(problem, plan)]
+
+
+def _unknown_names(problem: Problem, plan: Plan) -> Iterator[str]:
+    known = {detector.id for detector in problem.detectors}
+    for a in plan.assignments:
+        if a.stream not in problem.streams:
+            yield f"stream {a.stream}: not in the problem"
+        if a.detector not in known:
+            yield f"detector {a.detector}: not in the problem"
+        if a.bitrate_bps not in problem.bitrates_bps:
+            yield f"{a.stream} on {a.detector}: bitrate {a.bitrate_bps:g} bps is no level of the problem"
+
+
+def _detectors(problem: Problem, plan: Plan) -> Iterator[str]:
+    """Each assignment repeats what the problem says of its detector, and no stream uses a detector twice."""
+    by_id = {detector.id: detector for detector in problem.detectors}
+    for a in plan.assignments:
+        d = by_id[a.detector]
+        said = (a.pool_detector, a.machine, a.site, a.period)
+        if said != (d.detector, d.machine, d.site, d.period):
+            yield f"{a.stream} on {a.detector}: {said} is not what the problem says of the detector"
+        if not 0 <= a.phase < a.period:
+            yield f"{a.stream} on {a.detector}: phase {a.phase} outside 0 .. {a.period - 1}"
+    for (stream, detector), uses in Counter((a.stream, a.detector) for a in plan.assignments).items():
+        if uses > 1:
+            yield f"{stream} uses {detector} {uses} times"
+
+
+def _frames(problem: Problem, plan: Plan) -> Iterator[str]:
+    """Every frame of two cycles gets 1 .. detPerFrame detectors, and no detector starts while it works."""
+    if plan.cycle != problem.cycle:
+        yield f"cycle of {plan.cycle} frames, the periods give {problem.cycle}"
+    for stream in problem.streams:
+        assigned = [a for a in plan.assignments if a.stream == stream]
+        busy_until = dict.fromkeys((a.detector for a in assigned), 0)
+        for frame in range(2 * problem.cycle):
+            looks = 0
+            for a in assigned:
+                if frame >= a.phase and (frame - a.phase) % a.period == 0:
+                    looks += 1
+                    if frame < busy_until[a.detector]:
+                        yield f"{stream} frame {frame}: {a.detector} is busy until {busy_until[a.detector]}"
+                    busy_until[a.detector] = frame + a.period
+            if not 1 <= looks <= problem.detectors_per_frame:
+                yield f"{stream} frame {frame}: {looks} detectors, not 1 to {problem.detectors_per_frame}"
+
+
+def _streams(problem: Problem, plan: Plan) -> Iterator[str]:
+    for stream, detectors in Counter(a.stream for a in plan.assignments).items():
+        if detectors > problem.detectors_per_stream:
+            yield f"{stream}: {detectors} detectors, at most {problem.detectors_per_stream} are allowed"
+
+
+def _links(problem: Problem, plan: Plan) -> Iterator[str]:
+    """What a link carries: the frames of one cycle, each of which has bitrate / cycle of the bits."""
+    sent: dict[tuple[str, str], float] = defaultdict(float)
+    for a in plan.assignments:
+        frames = sum(1 for frame in range(problem.cycle) if frame % a.period == a.phase)
+        sent[a.stream, a.site] += a.bitrate_bps * frames / problem.cycle
+    for (stream, site), bps in sent.items():
+        bandwidth_bps = problem.link_bps.get((stream, site), 0.0)
+        if bps > bandwidth_bps + (_BPS_TOLERANCE if bandwidth_bps else 0.0):
+            yield f"link {stream} -> {site}: {bps:g} bps over {bandwidth_bps:g} bps"
+
+
+def _machines(problem: Problem, plan: Plan) -> Iterator[str]:
+    by_id: dict[str, Detector] = {detector.id: detector for detector in problem.detectors}
+    for machine in problem.machines:
+        here = [by_id[a.detector] for a in plan.assignments if by_id[a.detector].machine == machine.id]
+        if math.isinf(machine.memory_bytes):
+            continue
+        if problem.memory_rule == "one_detector_per_machine":
+            if len(here) > 1:
+                yield f"machine {machine.id}: {len(here)} detectors, 1 is allowed"
+        elif sum(d.memory_bytes for d in here) > machine.memory_bytes + _BYTES_TOLERANCE * (1 + len(here)):
+            total = sum(d.memory_bytes for d in here)
+            yield f"machine {machine.id}: {total:g} bytes of {machine.memory_bytes:g}"
+
+
+def _objective(problem: Problem, plan: Plan) -> Iterator[str]:
+    """The stated objective is what the assignments are worth, and the bound is not below it."""
+    if plan.objective is None or plan.bound is None:
+        yield "a plan without an objective or a bound"
+        return
+    worth = _worth(problem, plan.assignments)
+    if abs(worth - plan.objective) > _OBJECTIVE_TOLERANCE:
+        yield f"objective {plan.objective!r}, the assignments are worth {worth!r}"
+    if plan.bound < plan.objective - _OBJECTIVE_TOLERANCE:
+        yield f"bound {plan.bound!r} below the objective {plan.objective!r}"
+
+
+def _worth(problem: Problem, assignments: tuple[Assignment, ...]) -> float:
+    accuracy, top_bps = 0.0, max(problem.bitrates_bps)
+    for a in assignments:
+        (detector,) = [d for d in problem.detectors if d.id == a.detector]
+        level = next(b for b, bps in enumerate(problem.bitrates_bps) if bps == a.bitrate_bps)
+        accuracy += a.bitrate_bps / top_bps / detector.period * detector.accuracy[level]
+    sites = sum(len({a.site for a in assignments if a.stream == stream}) for stream in problem.streams)
+    return problem.accuracy_weight * accuracy - (1.0 - problem.accuracy_weight) * sites

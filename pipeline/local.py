@@ -1,0 +1,87 @@
+"""The whole chain in one process, without Ray: the reference that the actors must equal."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from pipeline.allocation.plan import Plan
+from pipeline.detection import load_detector
+from pipeline.fusion.fuser import Fuser
+from pipeline.fusion.sequencer import Sequencer
+from pipeline.messages import Message
+from pipeline.preflight import PreparedMission
+from pipeline.stages.detector import DetectorStage
+from pipeline.stages.reducer import ReducerStage
+from pipeline.stages.source import SourceCount, SourceStage, StreamInput
+from pipeline.stages.virtual_link import VirtualLink
+
+#: a link may be so far behind before frames are dropped, seconds
+MAX_BACKLOG_S = 1.0
+Progress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True, eq=False)
+class LocalResult:
+    """The reducer with the map, the sources' counts, bytes per (stream, site)."""
+
+    reducer: ReducerStage
+    counts: dict[str, SourceCount]
+    bytes_sent: dict[tuple[str, str], int]
+
+
+def run_local(prepared: PreparedMission, plan: Plan, progress: Progress) -> LocalResult:
+    """Process every stream, one frame of each in turn. progress(stream, frames done, frames in all)."""
+    reducer = make_reducer(prepared, plan, lateness=False)
+    stages = make_detectors(prepared, plan)
+
+    def deliver_from(stream: str) -> Callable[[str, Message], None]:
+        return lambda detector, message: reducer.push(stages[stream, detector].process(message, 0))
+
+    links = {
+        s.stream: VirtualLink(bandwidth(prepared, plan, s.stream), deliver_from(s.stream)) for s in prepared.streams
+    }
+    sources = {
+        s.stream: SourceStage(s, plan.assignments, links[s.stream], MAX_BACKLOG_S) for s in prepared.streams
+    }
+    running = {s.stream: _step(s, sources[s.stream], progress) for s in prepared.streams}
+    while running:
+        running = {name: steps for name, steps in running.items() if next(steps, None) is not None}
+    reducer.finish()
+    counts = {name: source.count for name, source in sources.items()}
+    sent = {(name, site): count for name, link in links.items() for site, count in link.bytes_sent.items()}
+    return LocalResult(reducer, counts, sent)
+
+
+def make_reducer(prepared: PreparedMission, plan: Plan, *, lateness: bool) -> ReducerStage:
+    """The reducer for a plan; without lateness it waits for every substream for as long as it takes."""
+    substreams = tuple((a.stream, a.detector) for a in plan.assignments)
+    relative = {a.detector: prepared.relative_accuracy[a.pool_detector] for a in plan.assignments}
+    fuser = Fuser(prepared.terrain, prepared.mission.fusion, prepared.cameras, relative)
+    lateness_ns = round(prepared.mission.fusion.lateness * 1e9) if lateness else None
+    return ReducerStage(fuser, Sequencer(substreams, lateness_ns), substreams)
+
+
+def make_detectors(prepared: PreparedMission, plan: Plan) -> dict[tuple[str, str], DetectorStage]:
+    """One stage, with a decoder of its own, per substream."""
+    stages = {}
+    for a in plan.assignments:
+        model, threshold = prepared.model(a.pool_detector)
+        detector = load_detector(model, score_threshold=threshold)
+        stages[a.stream, a.detector] = DetectorStage(detector, prepared.mission.processing.codec)
+    return stages
+
+
+def bandwidth(prepared: PreparedMission, plan: Plan, stream: str) -> dict[str, float]:
+    """Bandwidth of the stream's link to every site that the plan uses for it, bits per second."""
+    used = sorted({a.site for a in plan.assignments if a.stream == stream})
+    return {site: prepared.problem.link_bps[stream, site] for site in used}
+
+
+def _step(stream: StreamInput, source: SourceStage, progress: Progress) -> Iterator[bool]:
+    for frame in source.frames():
+        source.offer(frame, frame.index / stream.video.frame_rate)
+        progress(stream.stream, frame.index + 1, stream.video.frames)
+        yield True
+    source.end()
+    progress(stream.stream, stream.video.frames, stream.video.frames)

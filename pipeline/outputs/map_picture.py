@@ -1,0 +1,234 @@
+"""The map as a picture: shaded relief, probability, flight tracks, found and true places."""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Mapping, Sequence
+
+import matplotlib
+import numpy as np
+from matplotlib import patheffects
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LightSource, ListedColormap, Normalize
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from numpy.typing import NDArray
+
+from pipeline.fusion.salient import SalientLocation
+from pipeline.fusion.voxel_map import VoxelMap
+from pipeline.messages import FloatArray
+from pipeline.outputs.saliency_tif import probability
+from pipeline.outputs.truth import TruePerson
+
+#: Okabe and Ito's colours that stay apart from each other and from the probability's, also for the colour-blind
+TRACK_COLORS = ("#0072B2", "#009E73", "#CC79A7", "#56B4E9", "#332288", "#882255")
+_LINE_STYLES = ("-", "--", "-.", ":")
+_MARGIN_M = 8.0
+_MOST_PIXELS = 1400
+_DPI = 150
+_HALO = [patheffects.withStroke(linewidth=2.5, foreground="white")]
+
+
+def map_picture(
+    voxel_map: VoxelMap,
+    tracks: Mapping[str, FloatArray],
+    locations: Sequence[SalientLocation],
+    truth: Sequence[TruePerson] = (),
+) -> Figure:
+    """Draw the part of the map that was observed or flown over.
+
+    tracks: positions of each drone, stream -> float64 (N, >=2), ENU metres. truth: empty where it is not known.
+    """
+    window = _window(voxel_map, tracks, truth)
+    figure = Figure(figsize=_size_in(voxel_map, window), dpi=_DPI, layout="constrained")
+    axes = figure.add_subplot()
+    _draw_ground(axes, voxel_map, window)
+    _draw_probability(figure, axes, voxel_map, window)
+    handles = _draw_tracks(axes, tracks)
+    handles += _draw_truth(axes, truth)
+    handles += _draw_places(axes, locations)
+    _draw_scale_and_north(axes)
+    axes.set_xlabel("east of the map's origin, m")
+    axes.set_ylabel("north, m")
+    if handles:
+        columns = min(len(handles), 4)
+        figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False, fontsize=9)
+    return figure
+
+
+def png(figure: Figure) -> bytes:
+    """The figure as PNG; the same figure gives the same bytes."""
+    buffer = io.BytesIO()
+    FigureCanvasAgg(figure).print_png(buffer, metadata={"Software": None})
+    return buffer.getvalue()
+
+
+Window = tuple[slice, slice]
+
+
+def _window(voxel_map: VoxelMap, tracks: Mapping[str, FloatArray], truth: Sequence[TruePerson]) -> Window:
+    terrain = voxel_map.terrain
+    rows, columns = np.nonzero(voxel_map.observations)
+    points = [terrain.cells(track) for track in tracks.values()]
+    points += [terrain.cells(person.track_enu) for person in truth]
+    cells = np.concatenate([np.stack([rows, columns], axis=1), *points])
+    cells = cells[cells[:, 0] >= 0]
+    if not len(cells):
+        return slice(0, terrain.shape[0]), slice(0, terrain.shape[1])
+    margin = math.ceil(_MARGIN_M / terrain.cell_m)
+    low, high = np.maximum(cells.min(axis=0) - margin, 0), cells.max(axis=0) + 1 + margin
+    return slice(int(low[0]), min(int(high[0]), terrain.shape[0])), slice(
+        int(low[1]), min(int(high[1]), terrain.shape[1])
+    )
+
+
+def _size_in(voxel_map: VoxelMap, window: Window) -> tuple[float, float]:
+    rows, columns = (part.stop - part.start for part in window)
+    aspect = rows / columns
+    width = 9.0 if aspect < 1.1 else max(6.0, 9.0 * 1.1 / aspect)
+    return width, min(max(width * 0.88 * aspect, 2.5), 12.0) + 1.1
+
+
+def _extent(voxel_map: VoxelMap, window: Window) -> tuple[float, float, float, float]:
+    terrain, (rows, columns) = voxel_map.terrain, window
+    return (
+        terrain.east_m + columns.start * terrain.cell_m,
+        terrain.east_m + columns.stop * terrain.cell_m,
+        terrain.north_m + rows.start * terrain.cell_m,
+        terrain.north_m + rows.stop * terrain.cell_m,
+    )
+
+
+def _draw_ground(axes: Axes, voxel_map: VoxelMap, window: Window) -> None:
+    heights = voxel_map.terrain.heights_m[window]
+    step = max(1, math.ceil(max(heights.shape) / _MOST_PIXELS))
+    heights = heights[::step, ::step].astype(np.float64)
+    known = np.isfinite(heights)
+    filled = np.where(known, heights, np.nanmean(heights) if known.any() else 0.0)
+    cell_m = voxel_map.terrain.cell_m * step
+    # the light comes from the north-west, as on every map; rows run south to north, hence the sign of dy
+    shade = LightSource(azdeg=315, altdeg=45).hillshade(filled, vert_exag=1.5, dx=cell_m, dy=-cell_m)
+    gray = 0.45 + 0.5 * np.clip(shade, 0.0, 1.0)
+    rgba = np.stack([gray, gray, gray, known.astype(np.float64)], axis=2)
+    extent = _extent(voxel_map, window)
+    axes.imshow(rgba, origin="lower", extent=extent, interpolation="bilinear", zorder=0)
+    axes.set_facecolor("#f4f4f4")
+
+
+def _draw_probability(figure: Figure, axes: Axes, voxel_map: VoxelMap, window: Window) -> None:
+    shown = probability(voxel_map.log_odds[window])
+    shown = _block_max(np.where(voxel_map.observations[window] > 0, shown, np.nan))
+    colors, scale = _colors(), Normalize(0.0, 1.0)
+    axes.imshow(
+        colors(scale(np.ma.masked_invalid(shown))),
+        origin="lower",
+        extent=_extent(voxel_map, window),
+        interpolation="nearest",
+        zorder=1,
+    )
+    bar = figure.colorbar(ScalarMappable(scale, colors), ax=axes, shrink=0.6, aspect=28, pad=0.01)
+    bar.set_label("probability of a person (no colour: not looked at)", fontsize=9)
+
+
+def _block_max(values: FloatArray) -> FloatArray:
+    """Fewer pixels for a large map; a block shows its greatest value, so that nobody vanishes."""
+    step = math.ceil(max(values.shape) / _MOST_PIXELS)
+    rows, columns = (math.ceil(size / step) for size in values.shape)
+    padded = np.full((rows * step, columns * step), np.nan)
+    padded[: values.shape[0], : values.shape[1]] = values
+    blocks = padded.reshape(rows, step, columns, step)
+    return np.fmax.reduce(np.fmax.reduce(blocks, axis=3), axis=1)
+
+
+def _colors() -> ListedColormap:
+    """Viridis, more opaque where a person is more likely: what was searched in vain lets the relief through."""
+    colors = matplotlib.colormaps["viridis"](np.linspace(0.0, 1.0, 256))
+    colors[:, 3] = np.interp(np.linspace(0.0, 1.0, 256), [0.0, 0.3, 0.7, 1.0], [0.38, 0.45, 0.95, 1.0])
+    return ListedColormap(colors)
+
+
+def _draw_tracks(axes: Axes, tracks: Mapping[str, FloatArray]) -> list[Line2D]:
+    handles = []
+    for k, (stream, track) in enumerate(sorted(tracks.items())):
+        color, style = TRACK_COLORS[k % len(TRACK_COLORS)], _LINE_STYLES[k % len(_LINE_STYLES)]
+        axes.plot(track[:, 0], track[:, 1], color="white", lw=3.0, alpha=0.6, zorder=2)
+        axes.plot(track[:, 0], track[:, 1], color=color, lw=1.5, ls=style, zorder=3)
+        axes.plot(*track[0, :2], marker="o", ms=5, mfc=color, mec="white", zorder=3)
+        label = f"track of {stream} (dot: start)"
+        handles.append(Line2D([], [], color=color, ls=style, lw=1.8, label=label))
+    return handles
+
+
+def _draw_truth(axes: Axes, truth: Sequence[TruePerson]) -> list[Line2D]:
+    style = {"color": "#D55E00", "marker": "x", "ms": 7, "mew": 2.2, "path_effects": _HALO}
+    for person in truth:
+        east, north = person.track_enu[:, 0], person.track_enu[:, 1]
+        axes.plot(east, north, color="#D55E00", lw=1.5, zorder=4)
+        axes.plot(east[-1], north[-1], ls="", zorder=5, **style)
+    return [Line2D([], [], ls="", label="true place", **style)] if truth else []
+
+
+def _draw_places(axes: Axes, locations: Sequence[SalientLocation]) -> list[Line2D]:
+    style = {"marker": "o", "ms": 15, "mfc": "none", "mec": "#111111", "mew": 1.8, "path_effects": _HALO}
+    for place in locations:
+        east, north = place.position_enu[:2]
+        axes.plot(east, north, zorder=6, **style)
+        axes.annotate(
+            str(place.id),
+            (east, north),
+            xytext=(8, 8),
+            textcoords="offset points",
+            fontsize=12,
+            fontweight="bold",
+            zorder=7,
+            path_effects=[patheffects.withStroke(linewidth=3.5, foreground="white")],
+        )
+    small = style | {"ms": 10}
+    return [Line2D([], [], ls="", label="found place, with its number", **small)] if locations else []
+
+
+def _draw_scale_and_north(axes: Axes) -> None:
+    west, east = axes.get_xlim()
+    south, north = axes.get_ylim()
+    length_m = _round_length_m(0.22 * (east - west))
+    x, y = west + 0.03 * (east - west), south + 0.03 * (north - south)
+    halo = [patheffects.withStroke(linewidth=6, foreground="white")]
+    axes.plot([x, x + length_m], [y, y], color="black", lw=3, solid_capstyle="butt", path_effects=halo, zorder=8)
+    axes.annotate(
+        f"{length_m:g} m",
+        (x + length_m / 2, y),
+        xytext=(0, 5),
+        textcoords="offset points",
+        ha="center",
+        fontsize=10,
+        path_effects=_HALO,
+        zorder=8,
+    )
+    axes.annotate(
+        "N",
+        (0.97, 0.985),
+        (0.97, 0.885),
+        xycoords="axes fraction",
+        ha="center",
+        va="center",
+        fontsize=13,
+        fontweight="bold",
+        path_effects=_HALO,
+        arrowprops={"arrowstyle": "-|>", "color": "black", "lw": 2},
+        zorder=8,
+    )
+
+
+def _round_length_m(most_m: float) -> float:
+    """The greatest 1, 2 or 5 times a power of ten that is at most most_m."""
+    power = 10.0 ** math.floor(math.log10(most_m))
+    return max(digit * power for digit in (1.0, 2.0, 5.0) if digit * power <= most_m)
+
+
+def observed_area_m2(voxel_map: VoxelMap) -> float:
+    """Ground area of the cells that were looked at, square metres."""
+    seen: NDArray[np.bool_] = voxel_map.observations > 0
+    return float(np.count_nonzero(seen)) * voxel_map.terrain.cell_m**2

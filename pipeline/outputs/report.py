@@ -1,0 +1,106 @@
+"""The report: one HTML file with everything in it, readable offline, on a phone, by day and by night."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+from matplotlib.figure import Figure
+
+from pipeline.fusion.salient import SalientLocation
+from pipeline.fusion.voxel_map import VoxelMap
+from pipeline.messages import FloatArray
+from pipeline.outputs.map_picture import map_picture, observed_area_m2, png
+from pipeline.outputs.safe_write import write_text
+from pipeline.outputs.summary import Summary
+from pipeline.outputs.truth import TruePerson, TruthMatch
+from pipeline.outputs.utc import clock_utc, iso_utc
+
+
+@dataclass(frozen=True, eq=False)
+class ReportData:
+    """What the report shows.
+
+    tracks: positions of each drone, stream -> float64 (N, >=2), ENU metres. truth: empty where it is not known.
+    schedule: the Gantt picture of the plan. evidence: (id of the found place, PNG of the picture it was seen in).
+    """
+
+    summary: Summary
+    voxel_map: VoxelMap
+    tracks: Mapping[str, FloatArray]
+    truth: Sequence[TruePerson]
+    schedule: Figure
+    evidence: Sequence[tuple[int, bytes]] = ()
+
+
+def write_report(path: Path, data: ReportData) -> None:
+    """Write the report as one self-contained HTML file."""
+    write_text(path, render_report(data))
+
+
+def render_report(data: ReportData) -> str:
+    """The report's HTML; every text from outside is escaped."""
+    summary = data.summary
+    environment = Environment(
+        loader=PackageLoader("pipeline.outputs", "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters.update(
+        iso=iso_utc, clock=clock_utc, png=_data_uri, rate=_rate, milliseconds=_milliseconds, percent=_percent
+    )
+    places = [place for place in summary.locations]
+    return environment.get_template("report.html.j2").render(
+        summary=summary,
+        places=places,
+        verdict=verdict(summary.locations, summary.match),
+        distance_m={} if summary.match is None else summary.match.distance_m,
+        first_ns=min((place.first_seen_ns for place in places), default=None),
+        area_ha=observed_area_m2(data.voxel_map) / 1e4,
+        captured=sum(account.captured for account in summary.streams),
+        processed=sum(account.processed for account in summary.streams),
+        map_png=png(map_picture(data.voxel_map, data.tracks, summary.locations, data.truth)),
+        schedule_png=png(data.schedule),
+        evidence=data.evidence,
+    )
+
+
+def verdict(locations: Sequence[SalientLocation], match: TruthMatch | None) -> str:
+    """One sentence: how many people were found, and how well, if that is known."""
+    if match is None:
+        if not locations:
+            return "No place reached the threshold. Ground that was not looked at may still hide a person."
+        best = max(place.probability for place in locations)
+        return f"{_count(len(locations), 'place')} where a person is likely; the most probable at {best:.0%}."
+    sentence = f"{len(match.found)} of {_count(match.people, 'person', 'people')} found"
+    if match.mean_distance_m is not None:
+        sentence += f", {match.mean_distance_m:.2f} m from the true place on average"
+    return f"{sentence}; {_count(len(match.false), 'false place') if match.false else 'no false place'}."
+
+
+def _count(number: int, one: str, many: str = "") -> str:
+    return f"{number} {one if number == 1 else many or one + 's'}"
+
+
+def _data_uri(picture: bytes) -> Markup:
+    return Markup("data:image/png;base64,{}").format(base64.b64encode(picture).decode("ascii"))
+
+
+def _rate(bps: float) -> str:
+    if bps == float("inf"):
+        return "no limit"
+    return f"{bps / 1e6:.2f} Mbps" if bps >= 1e6 else f"{bps / 1e3:.0f} kbps"
+
+
+def _milliseconds(seconds: float | None) -> str:
+    return "–" if seconds is None else f"{1e3 * seconds:.1f}"
+
+
+def _percent(share: float | None) -> str:
+    return "–" if share is None else f"{share:.0%}"

@@ -1,0 +1,102 @@
+"""Files and folders that appear whole or not at all."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from uuid import uuid4
+
+from pipeline.errors import InputError
+
+#: the file that marks a folder as one of our run directories, and the value of its key ``written_by``
+SUMMARY_FILE = "summary.json"
+WRITTEN_BY = "searchlight run"
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A temporary name beside path; on leaving, the file written there becomes path in one step.
+
+    If the block raises, the temporary file is removed and path stays as it was.
+    """
+    temporary = _beside(path)
+    try:
+        yield temporary
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def write_bytes(path: Path, data: bytes) -> None:
+    """Write a file whole or not at all."""
+    with replacing(path) as temporary:
+        temporary.write_bytes(data)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file in UTF-8 whole or not at all."""
+    write_bytes(path, text.encode("utf-8"))
+
+
+def check_run_directory(path: Path) -> None:
+    """Raise InputError unless a run may write here: absent, empty, or the directory of an earlier run."""
+    try:
+        usable = not path.exists() or (path.is_dir() and (_is_empty(path) or _is_ours(path)))
+    except OSError as error:
+        raise InputError(path, f"a folder that cannot be read ({error.strerror})", "a folder") from None
+    if not usable:
+        found = "a folder with other files" if path.is_dir() else "a file"
+        raise InputError(path, found, "a new or empty folder, or one that an earlier run has written")
+
+
+@contextmanager
+def run_directory(path: Path) -> Iterator[Path]:
+    """A temporary folder beside path to write a run's files in; on leaving, they all appear in path.
+
+    A new path is one rename. In the directory of an earlier run each file is replaced in one step, the summary
+    last; files that are not ours are never touched. If the block raises, path stays as it was.
+    Raises InputError if a run may not write at path (see check_run_directory).
+    """
+    check_run_directory(path)
+    temporary = _beside(path)
+    try:
+        temporary.mkdir(parents=True)
+    except OSError as error:
+        raise InputError(path, f"no place to write ({error.strerror})", "a folder that can be made") from None
+    try:
+        yield temporary
+        check_run_directory(path)
+        _publish(temporary, path)
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+
+
+def _publish(temporary: Path, path: Path) -> None:
+    if not path.exists() or _is_empty(path):
+        os.replace(temporary, path)
+        return
+    files = sorted(p.relative_to(temporary) for p in temporary.rglob("*") if p.is_file())
+    for name in sorted(files, key=lambda p: p == Path(SUMMARY_FILE)):
+        (path / name).parent.mkdir(parents=True, exist_ok=True)
+        os.replace(temporary / name, path / name)
+
+
+def _beside(path: Path) -> Path:
+    # the same folder is the same file system: os.replace stays one step
+    return path.absolute().with_name(f".{path.absolute().name}.{uuid4().hex}.part")
+
+
+def _is_empty(path: Path) -> bool:
+    return next(path.iterdir(), None) is None
+
+
+def _is_ours(path: Path) -> bool:
+    try:
+        summary = json.loads((path / SUMMARY_FILE).read_bytes())
+    except (OSError, ValueError):
+        return False
+    return isinstance(summary, dict) and summary.get("written_by") == WRITTEN_BY

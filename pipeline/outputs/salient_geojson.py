@@ -1,0 +1,54 @@
+"""The found places as GeoJSON (RFC 7946)."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from pipeline.fusion.salient import SalientLocation
+from pipeline.outputs.safe_write import write_text
+from pipeline.outputs.utc import iso_utc
+
+_NO_DISTANCES: Mapping[int, float] = MappingProxyType({})
+# 8 decimals of a degree are about 1 mm
+_DEGREE_DECIMALS, _METER_DECIMALS = 8, 3
+
+
+def write_salient(
+    path: Path, locations: Sequence[SalientLocation], truth_distance_m: Mapping[int, float] = _NO_DISTANCES
+) -> None:
+    """Write one point per found place: longitude, latitude (WGS84, degrees), height (m above the terrain's datum).
+
+    truth_distance_m: horizontal distance to the true place, by the location's id, where it is known.
+    """
+    features = [_feature(location, truth_distance_m.get(location.id)) for location in locations]
+    collection = {"type": "FeatureCollection", "features": features}
+    write_text(path, json.dumps(collection, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+
+
+def _feature(location: SalientLocation, truth_distance_m: float | None) -> dict[str, Any]:
+    longitude, latitude, height = (
+        round(float(location.longitude_deg), _DEGREE_DECIMALS),
+        round(float(location.latitude_deg), _DEGREE_DECIMALS),
+        round(float(location.height_m), _METER_DECIMALS),
+    )
+    properties: dict[str, Any] = {
+        "probability": round(float(location.probability), 6),
+        "seen_from": iso_utc(location.first_seen_ns),
+        "seen_to": iso_utc(location.last_seen_ns),
+        "looks": int(location.looks),
+        "spread_m": round(float(location.spread_m), _METER_DECIMALS),
+        "cells": int(location.cells),
+        "streams": list(location.streams),
+    }
+    if truth_distance_m is not None:
+        properties["truth_distance_m"] = round(float(truth_distance_m), _METER_DECIMALS)
+    return {
+        "type": "Feature",
+        "id": location.id,
+        "geometry": {"type": "Point", "coordinates": [longitude, latitude, height]},
+        "properties": properties,
+    }

@@ -1,0 +1,200 @@
+"""What a run did, in numbers: the record behind summary.json and the report's tables."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pipeline.allocation.plan import Plan
+from pipeline.fusion.salient import SalientLocation
+from pipeline.outputs.accounting import StreamAccount
+from pipeline.outputs.safe_write import WRITTEN_BY, write_text
+from pipeline.outputs.truth import MATCH_RADIUS_M, TruthMatch
+from pipeline.outputs.utc import iso_utc
+
+
+@dataclass(frozen=True)
+class MeanHops:
+    """Mean seconds that a result spent on each part of its way; None where there was no result."""
+
+    encode_s: float | None = None
+    transfer_s: float | None = None
+    decode_s: float | None = None
+    detect_s: float | None = None
+
+
+@dataclass(frozen=True)
+class SubstreamCount:
+    """One stream on its way to one detector. offered = processed + the sum of dropped (reason -> count).
+
+    Raises ValueError if the sum does not hold. detections: boxes reported in the processed frames.
+    """
+
+    stream: str
+    detector: str
+    machine: str
+    site: str
+    offered: int
+    processed: int
+    dropped: Mapping[str, int]
+    detections: int
+    hops: MeanHops = MeanHops()
+
+    def __post_init__(self) -> None:
+        if self.offered != self.processed + sum(self.dropped.values()):
+            raise ValueError(
+                f"substream {self.stream} -> {self.detector}: {self.offered} frames offered, but "
+                f"{self.processed} processed and {sum(self.dropped.values())} dropped"
+            )
+
+
+@dataclass(frozen=True)
+class LinkUse:
+    """What a stream sent to a site. bandwidth_bps may be infinite; duration_s: time over which it was sent."""
+
+    stream: str
+    site: str
+    bandwidth_bps: float
+    sent_bytes: int
+    duration_s: float
+
+    @property
+    def mean_bps(self) -> float:
+        """Mean rate, bits per second."""
+        return 8.0 * self.sent_bytes / self.duration_s if self.duration_s > 0 else 0.0
+
+    @property
+    def share(self) -> float | None:
+        """Mean rate over bandwidth, 0 to about 1; None where the link has no limit or no bandwidth at all."""
+        limited = math.isfinite(self.bandwidth_bps) and self.bandwidth_bps > 0
+        return self.mean_bps / self.bandwidth_bps if limited else None
+
+
+@dataclass(frozen=True)
+class Summary:
+    """A finished run.
+
+    seconds: wall time of the run. video_seconds: the longest video. pace: ``realtime`` or ``max``.
+    match: None where the truth is not known. provenance: label -> text, such as versions; never a secret.
+    """
+
+    mission: str
+    mission_file: str
+    pace: str
+    seconds: float
+    video_seconds: float
+    plan: Plan
+    streams: Sequence[StreamAccount]
+    substreams: Sequence[SubstreamCount]
+    links: Sequence[LinkUse]
+    locations: Sequence[SalientLocation]
+    match: TruthMatch | None
+    provenance: Mapping[str, str]
+
+
+def write_summary(path: Path, summary: Summary) -> None:
+    """Write summary.json: strict JSON, None for what is not known and for a bandwidth without limit."""
+    text = json.dumps(summary_to_json(summary), indent=1, ensure_ascii=False, allow_nan=False)
+    write_text(path, text + "\n")
+
+
+def summary_to_json(summary: Summary) -> dict[str, Any]:
+    """The summary as plain values; nothing but the record's own fields gets in."""
+    content = {
+        "written_by": WRITTEN_BY,
+        "mission": summary.mission,
+        "mission_file": summary.mission_file,
+        "pace": summary.pace,
+        "seconds": round(summary.seconds, 3),
+        "video_seconds": round(summary.video_seconds, 3),
+        "plan": _plan(summary.plan),
+        "streams": [_account(account) for account in summary.streams],
+        "substreams": [_substream(substream) for substream in summary.substreams],
+        "links": [_link(link) for link in summary.links],
+        "found": [_place(place) for place in summary.locations],
+        "truth": None if summary.match is None else _truth(summary.match),
+        "provenance": dict(summary.provenance),
+    }
+    plain = _finite(content)
+    assert isinstance(plain, dict)
+    return plain
+
+
+def _plan(plan: Plan) -> dict[str, Any]:
+    return {"status": plan.status, "objective": plan.objective, "gap": plan.gap, "assignments": len(plan.assignments)}
+
+
+def _account(account: StreamAccount) -> dict[str, Any]:
+    return {
+        "stream": account.stream,
+        "captured": account.captured,
+        "processed": account.processed,
+        "dropped": dict(account.dropped),
+    }
+
+
+def _substream(substream: SubstreamCount) -> dict[str, Any]:
+    return {
+        "stream": substream.stream,
+        "detector": substream.detector,
+        "machine": substream.machine,
+        "site": substream.site,
+        "offered": substream.offered,
+        "processed": substream.processed,
+        "dropped": dict(substream.dropped),
+        "detections": substream.detections,
+        "mean_encode_s": substream.hops.encode_s,
+        "mean_transfer_s": substream.hops.transfer_s,
+        "mean_decode_s": substream.hops.decode_s,
+        "mean_detect_s": substream.hops.detect_s,
+    }
+
+
+def _link(link: LinkUse) -> dict[str, Any]:
+    return {
+        "stream": link.stream,
+        "site": link.site,
+        "bandwidth_bps": link.bandwidth_bps,
+        "sent_bytes": link.sent_bytes,
+        "mean_bps": round(link.mean_bps, 1),
+        "share": None if link.share is None else round(link.share, 4),
+    }
+
+
+def _place(place: SalientLocation) -> dict[str, Any]:
+    return {
+        "id": place.id,
+        "probability": round(float(place.probability), 6),
+        "latitude_deg": round(float(place.latitude_deg), 8),
+        "longitude_deg": round(float(place.longitude_deg), 8),
+        "height_m": round(float(place.height_m), 3),
+        "seen_from": iso_utc(place.first_seen_ns),
+        "seen_to": iso_utc(place.last_seen_ns),
+        "looks": int(place.looks),
+    }
+
+
+def _truth(match: TruthMatch) -> dict[str, Any]:
+    mean = match.mean_distance_m
+    return {
+        "people": match.people,
+        "radius_m": MATCH_RADIUS_M,
+        "found": [
+            {"place": f.location, "person": f.person, "distance_m": round(f.distance_m, 3)} for f in match.found
+        ],
+        "missed": list(match.missed),
+        "false": list(match.false),
+        "mean_distance_m": None if mean is None else round(mean, 4),
+    }
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(key): _finite(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_finite(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,170 @@
+"""Read and check everything a mission names, before anything is started."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.allocation.build import build_problem
+from pipeline.allocation.explain import explain
+from pipeline.allocation.literal import solve
+from pipeline.allocation.plan import Plan
+from pipeline.allocation.problem import Problem
+from pipeline.config.camera import load_camera
+from pipeline.config.inventory import Inventory, load_inventory
+from pipeline.config.mission import Mission, Stream, load_mission
+from pipeline.config.pool import Pool, load_pool
+from pipeline.detection import load_detector
+from pipeline.errors import InputError, NoPlanError
+from pipeline.geo.camera import Camera
+from pipeline.geo.frame import LocalFrame
+from pipeline.geo.terrain import Terrain, frame_of, load_terrain
+from pipeline.stages.source import StreamInput
+from pipeline.telemetry.dji_srt import read_dji_srt
+from pipeline.telemetry.track import Track, pose_at, require_complete
+from pipeline.video.codec import require_codec
+from pipeline.video.source import VideoInfo, check_video, open_video
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedMission:
+    """A mission whose every file was read and found usable."""
+
+    path: Path
+    mission: Mission
+    inventory: Inventory
+    pool: Pool
+    terrain: Terrain
+    cameras: dict[str, Camera]
+    streams: tuple[StreamInput, ...]
+    problem: Problem
+
+    @property
+    def frame(self) -> LocalFrame:
+        """The map frame."""
+        return self.terrain.frame
+
+    @property
+    def relative_accuracy(self) -> dict[str, float]:
+        """The paper's p_det_rel of every pool detector: its best accuracy over the best of the pool."""
+        best = {d.id: max(a.accuracy for a in d.accuracy) for d in self.pool.detectors}
+        return {name: accuracy / max(best.values()) for name, accuracy in best.items()}
+
+    def model(self, pool_detector: str) -> tuple[Path, float]:
+        """ONNX file and score threshold of a pool detector."""
+        detector = next(d for d in self.pool.detectors if d.id == pool_detector)
+        if detector.model is None:
+            raise InputError(f"{self.mission.pool} {pool_detector}.model", "nothing", "an ONNX file: this detector can only be planned with")
+        return detector.model, detector.score_threshold
+
+
+def prepare(path: Path, thorough: bool = False) -> PreparedMission:
+    """Read and check a mission; if thorough, every picture of every video is decoded.
+
+    Raises InputError for the first thing that cannot be used.
+    """
+    mission = load_mission(path)
+    inventory, pool = load_inventory(mission.inventory), load_pool(mission.pool)
+    _sites_exist(path, mission, inventory)
+    require_codec(mission.processing.codec)
+    frame = frame_of(mission.terrain.file)
+    cameras = {s.id: load_camera(s.camera) for s in mission.streams}
+    streams = tuple(_stream(path, mission, s, frame, cameras[s.id], thorough) for s in mission.streams)
+    terrain = load_terrain(mission.terrain.file, mission.fusion.cell_size, frame)
+    for stream in streams:
+        _terrain_covers(mission, terrain, stream)
+    _models_load(pool)
+    own_site = {s.id: s.site for s in mission.streams}
+    problem = build_problem(own_site, mission.processing, inventory, pool, where=mission.inventory)
+    return PreparedMission(path, mission, inventory, pool, terrain, cameras, streams, problem)
+
+
+def plan(prepared: PreparedMission, workers: int = 2) -> Plan:
+    """The optimal plan. Raises NoPlanError if there is none, naming the limits that clash."""
+    limit_s = prepared.mission.processing.time_limit
+    result = solve(prepared.problem, time_limit_s=limit_s, workers=workers)
+    if result.status == "infeasible":
+        raise NoPlanError(f"{prepared.path}: no allocation satisfies the mission: {explain(prepared.problem)}")
+    if result.status == "unknown":
+        raise NoPlanError(
+            f"{prepared.path} processing.time_limit: found no plan within {limit_s:g} s; expected a longer time"
+        )
+    for assignment in result.assignments:
+        prepared.model(assignment.pool_detector)
+    return result
+
+
+def _stream(
+    path: Path, mission: Mission, stream: Stream, frame: LocalFrame, camera: Camera, thorough: bool
+) -> StreamInput:
+    video = check_video(stream.video, thorough)
+    track = read_dji_srt(stream.telemetry.file)
+    require_complete(track, stream.telemetry.file)
+    if (video.width, video.height) != (camera.width, camera.height):
+        raise InputError(
+            f"{stream.camera} width, height",
+            f"{camera.width} x {camera.height}",
+            f"the size of {stream.video}, {video.width} x {video.height}",
+        )
+    _telemetry_covers(stream, video, track)
+    result = StreamInput(
+        stream=stream.id,
+        site=stream.site,
+        video=video,
+        track=track,
+        telemetry=stream.telemetry,
+        frame=frame,
+        terrain_datum=mission.terrain.height_datum,
+        processing_rate_hz=mission.processing.frame_rate,
+        codec=mission.processing.codec,
+    )
+    sampled_indices(video.frames, video.frame_rate, mission.processing.frame_rate, where=f"{path} processing.frame_rate")
+    return result
+
+
+def _telemetry_covers(stream: Stream, video: VideoInfo, track: Track) -> None:
+    first = track.times_s[0] + stream.telemetry.time_offset
+    last = track.times_s[-1] + stream.telemetry.time_offset
+    last_frame_s = (video.frames - 1) / video.frame_rate
+    slack_s = 1.5 / video.frame_rate
+    if first > slack_s or last < last_frame_s - slack_s:
+        raise InputError(
+            stream.telemetry.file,
+            f"telemetry from {first:.2f} s to {last:.2f} s",
+            f"telemetry that covers {stream.video}, 0 s to {last_frame_s:.2f} s (or another telemetry.time_offset)",
+        )
+
+
+def _terrain_covers(mission: Mission, terrain: Terrain, stream: StreamInput) -> None:
+    for time_s in np.arange(0.0, stream.video.duration_s - 1.0 / stream.video.frame_rate, 1.0):
+        pose = pose_at(stream.track, float(time_s), stream.telemetry, stream.frame, stream.terrain_datum)
+        east, north, up = pose.position_enu
+        ground = terrain.height(east, north)
+        where = f"{mission.terrain.file} under {stream.stream} at {time_s:.0f} s"
+        if np.isnan(ground):
+            raise InputError(where, f"no ground at east {east:.0f} m, north {north:.0f} m", "a terrain that covers the flight")
+        if up <= ground:
+            raise InputError(
+                where, f"the drone at {up:.1f} m, ground at {ground:.1f} m", "a drone above the ground: the same height datum?"
+            )
+
+
+def _sites_exist(path: Path, mission: Mission, inventory: Inventory) -> None:
+    sites = {site.id for site in inventory.sites}
+    streams = {stream.id for stream in mission.streams}
+    for number, stream in enumerate(mission.streams):
+        if stream.site not in sites:
+            raise InputError(f"{path} streams.{number}.site", repr(stream.site), f"a site of {mission.inventory}: {', '.join(sorted(sites))}")
+    for number, link in enumerate(inventory.links):
+        if link.stream not in streams:
+            raise InputError(
+                f"{mission.inventory} links.{number}.stream", repr(link.stream), f"a stream of the mission: {', '.join(sorted(streams))}"
+            )
+
+
+def _models_load(pool: Pool) -> None:
+    for detector in pool.detectors:
+        if detector.model is not None:
+            load_detector(detector.model, score_threshold=detector.score_threshold)

@@ -1,0 +1,104 @@
+"""The run directory: everything that a run found, as files."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.allocation.gantt import gantt
+from pipeline.allocation.plan import Plan, plan_to_json
+from pipeline.fusion.salient import SalientLocation, salient_locations
+from pipeline.messages import FloatArray
+from pipeline.outputs.map_picture import map_picture, png
+from pipeline.outputs.report import ReportData, write_report
+from pipeline.outputs.safe_write import run_directory, write_bytes, write_text
+from pipeline.outputs.saliency_tif import write_saliency
+from pipeline.outputs.salient_geojson import write_salient
+from pipeline.outputs.summary import LinkUse, Summary, write_summary
+from pipeline.outputs.truth import TruePerson, match_truth, load_truth
+from pipeline.preflight import PreparedMission
+from pipeline.stages.accounts import stream_account, substream_counts
+from pipeline.evidence import evidence_pictures
+from pipeline.stages.reducer import ReducerStage
+from pipeline.stages.source import SourceCount
+from pipeline.telemetry.track import pose_at
+
+
+@dataclass(frozen=True, eq=False)
+class FinishedRun:
+    """What a run leaves behind, before it is written.
+
+    pace: ``realtime``, ``max`` or ``local``. bytes_sent: per (stream, site). seconds: from first frame to last result.
+    """
+
+    plan: Plan
+    reducer: ReducerStage
+    counts: dict[str, SourceCount]
+    bytes_sent: Mapping[tuple[str, str], int]
+    seconds: float
+    pace: str
+
+
+def publish(prepared: PreparedMission, run: FinishedRun, out: Path) -> Summary:
+    """Write the run directory, whole or not at all; the summary that was written."""
+    fuser = run.reducer.fuser
+    locations = salient_locations(fuser)
+    truth = load_truth(prepared.mission.truth, prepared.frame) if prepared.mission.truth else ()
+    summary = _summary(prepared, run, locations, truth)
+    schedule = gantt(prepared.problem, run.plan)
+    tracks = {s.stream: _track(prepared, s.stream) for s in prepared.streams}
+    evidence = evidence_pictures(prepared, fuser.looks, locations)
+    report = ReportData(summary, fuser.map, tracks, truth, schedule, evidence)
+    with run_directory(out) as folder:
+        write_saliency(folder / "saliency.tif", fuser.map)
+        write_salient(folder / "salient.geojson", locations, summary.match)
+        write_text(folder / "plan.json", plan_to_json(run.plan, prepared.problem))
+        write_bytes(folder / "map.png", png(map_picture(fuser.map, tracks, locations, truth)))
+        write_bytes(folder / "schedule.png", png(schedule))
+        write_report(folder / "report.html", report)
+        write_summary(folder / "summary.json", summary)
+    return summary
+
+
+def _summary(
+    prepared: PreparedMission, run: FinishedRun, locations: tuple[SalientLocation, ...], truth: Sequence[TruePerson]
+) -> Summary:
+    video_s = max(s.video.duration_s for s in prepared.streams)
+    durations = {s.stream: s.video.duration_s for s in prepared.streams}
+    return Summary(
+        mission=prepared.mission.name,
+        mission_file=str(prepared.path),
+        pace=run.pace,
+        seconds=run.seconds,
+        video_seconds=video_s,
+        plan=run.plan,
+        streams=[stream_account(s.stream, run.counts[s.stream], run.reducer) for s in prepared.streams],
+        substreams=substream_counts(run.plan, run.counts, run.reducer),
+        links=[
+            LinkUse(stream, site, prepared.problem.link_bps.get((stream, site), 0.0), sent, durations[stream])
+            for (stream, site), sent in sorted(run.bytes_sent.items())
+        ],
+        locations=locations,
+        match=match_truth(locations, truth) if truth else None,
+        provenance=_provenance(),
+    )
+
+
+def _provenance() -> dict[str, str]:
+    names = ("searchlight", "ray", "onnxruntime", "av", "numpy", "ortools")
+    return {"python": platform.python_version()} | {name: version(name) for name in names}
+
+
+def _track(prepared: PreparedMission, stream: str) -> FloatArray:
+    """Positions (N, 3) of the camera, twice a second."""
+    s = next(s for s in prepared.streams if s.stream == stream)
+    last_s = (s.video.frames - 1) / s.video.frame_rate
+    times = np.arange(0.0, last_s, 0.5)
+    return np.stack(
+        [pose_at(s.track, float(t), s.telemetry, s.frame, s.terrain_datum).position_enu for t in times]
+    )

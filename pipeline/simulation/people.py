@@ -1,0 +1,90 @@
+"""Who is in a scene, where, and how each moves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.messages import FloatArray
+from pipeline.simulation.bodies import BodyModel, body_mesh, footprint_radius, walking
+from pipeline.simulation.mesh import Mesh, rotation_z
+from pipeline.simulation.models import MISSION_MODELS, random_train_model
+from pipeline.simulation.scene import Scene, clear_of
+
+_STEP_M = 0.72
+#: the share of a lying body that presses into the grass
+_SUNKEN = 0.1
+
+
+@dataclass(frozen=True)
+class Person:
+    """One person. east_m, north_m: the footprint's middle at time 0. heading_rad: clockwise from north.
+
+    speed_mps: > 0 for a walker, who goes round a circle of turn_radius_m to the right.
+    """
+
+    id: int
+    model: BodyModel
+    east_m: float
+    north_m: float
+    heading_rad: float
+    speed_mps: float = 0.0
+    turn_radius_m: float = 4.0
+
+    def at(self, time_s: float) -> tuple[float, float, float]:
+        """East, north and heading at a time."""
+        turned = self.speed_mps * time_s / self.turn_radius_m
+        heading, r = self.heading_rad + turned, self.turn_radius_m
+        east = self.east_m + r * (np.cos(self.heading_rad) - np.cos(heading))
+        north = self.north_m + r * (np.sin(heading) - np.sin(self.heading_rad))
+        return float(east), float(north), float(heading)
+
+
+def placed(person: Person, scene: Scene, time_s: float) -> Mesh:
+    """The body in the map frame at a time, settled on the bare ground."""
+    east, north, heading = person.at(time_s)
+    body = _body(person, time_s).moved(rotation_z(-heading), (east, north, 0.0))
+    clearance = body.vertices[:, 2] - scene.ground.hills(body.vertices[:, 0], body.vertices[:, 1])
+    sole = float(np.quantile(clearance, 0.02 if person.model.posture.rest == "upright" else _SUNKEN))
+    return body.moved(np.eye(3), (0.0, 0.0, scene.ground.base_m - sole))
+
+
+def reference_point(person: Person, scene: Scene, time_s: float) -> FloatArray:
+    """The person's place (3,): the middle of the footprint, on the ground."""
+    east, north, _ = person.at(time_s)
+    height = scene.ground.height(np.array([east]), np.array([north]))[0]
+    return np.array([east, north, height])
+
+
+def random_people(
+    rng: np.random.Generator, split: str, count: int, scene: Scene, apart_m: float = 3.0
+) -> tuple[Person, ...]:
+    """So many people at free places of the area (fewer if there is no room), of the split's body models."""
+    people: list[Person] = []
+    for number in range(count):
+        model = _model(rng, split, number)
+        radius = footprint_radius(body_mesh(model))
+        for _ in range(60):
+            east = rng.uniform(-0.48, 0.48) * scene.extent.width_m
+            north = rng.uniform(-0.48, 0.48) * scene.extent.depth_m
+            apart = all(np.hypot(p.east_m - east, p.north_m - north) > apart_m for p in people)
+            if apart and clear_of(scene.obstacles, east, north, radius):
+                people.append(
+                    Person(len(people), model, float(east), float(north), float(rng.uniform(0, 2 * np.pi)))
+                )
+                break
+    return tuple(people)
+
+
+def _model(rng: np.random.Generator, split: str, number: int) -> BodyModel:
+    if split == "train":
+        return random_train_model(rng)
+    return MISSION_MODELS[number % len(MISSION_MODELS)]
+
+
+def _body(person: Person, time_s: float) -> Mesh:
+    if person.speed_mps == 0.0:
+        return body_mesh(person.model)
+    phase = np.pi * person.speed_mps * time_s / _STEP_M
+    return body_mesh(person.model, walking(phase))

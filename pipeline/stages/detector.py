@@ -1,0 +1,56 @@
+"""The detector stage: the packets of one substream become detections."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+
+from pipeline.detection import Detector
+from pipeline.messages import Detections, Dropped, EndOfStream, Hops, Message, Packet
+from pipeline.video.codec import Decoder
+
+
+class DetectorStage:
+    """One decoder and one detector; call it with the messages of its substream in their order."""
+
+    def __init__(self, detector: Detector, codec: str) -> None:
+        self._detector = detector
+        self._decoder = Decoder(codec)
+
+    def process(self, message: Message, received_ns: int) -> Message:
+        """Detections for a packet, or Dropped if it cannot be decoded; the end of the stream as it is.
+
+        received_ns: when the message arrived, ns UTC.
+        """
+        if isinstance(message, EndOfStream):
+            return message
+        if not isinstance(message, Packet):
+            raise TypeError(f"a substream carries packets, not {type(message).__name__}")
+        started = time.perf_counter()
+        try:
+            image = self._decoder.decode(message.data)
+        except ValueError:
+            return Dropped(message.stream, message.detector, message.index, message.time_ns, "undecodable")
+        decoded = time.perf_counter()
+        boxes, scores, classes = self._detector.detect(image)
+        detected = time.perf_counter()
+        transfer_s = max(0, received_ns - message.sent_ns) * 1e-9 if message.sent_ns else message.link_s
+        return Detections(
+            stream=message.stream,
+            detector=message.detector,
+            index=message.index,
+            time_ns=message.time_ns,
+            pose=message.pose,
+            boxes_px=boxes,
+            scores=scores,
+            class_ids=classes,
+            hops=Hops(message.encode_s, transfer_s, decoded - started, detected - decoded),
+        )
+
+    def skip(self, message: Message) -> Message:
+        """Decode, since the next packet needs this one, but do not look: the frame came too late to be of use."""
+        if not isinstance(message, Packet):
+            return message
+        with contextlib.suppress(ValueError):
+            self._decoder.decode(message.data)
+        return Dropped(message.stream, message.detector, message.index, message.time_ns, "machine_busy")

@@ -1,0 +1,78 @@
+"""The reducer stage: results in, in any order; the map out, the same for every order."""
+
+from __future__ import annotations
+
+import bisect
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from pipeline.fusion.fuser import Fuser
+from pipeline.fusion.sequencer import Sequencer
+from pipeline.messages import Detections, Dropped, EndOfStream, Message
+
+HOPS = ("encode", "transfer", "decode", "detect")
+#: upper bounds of the latency histogram, seconds
+LATENCY_BUCKETS_S = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0)
+
+
+@dataclass
+class HopHistogram:
+    """Counts per bucket (the last one: above all bounds), and the sum of seconds."""
+
+    counts: list[int] = field(default_factory=lambda: [0] * (len(LATENCY_BUCKETS_S) + 1))
+    sum_s: float = 0.0
+
+    def observe(self, seconds: float) -> None:
+        """Count one value."""
+        self.counts[bisect.bisect_left(LATENCY_BUCKETS_S, seconds)] += 1
+        self.sum_s += seconds
+
+
+class ReducerStage:
+    """Owns the map. received, processed, dropped: frame indices per (stream, detector)."""
+
+    def __init__(self, fuser: Fuser, sequencer: Sequencer, substreams: Iterable[tuple[str, str]]) -> None:
+        self.fuser = fuser
+        self.open = set(substreams)
+        self.received: dict[tuple[str, str], set[int]] = {key: set() for key in self.open}
+        self.processed: dict[tuple[str, str], set[int]] = {key: set() for key in self.open}
+        self.dropped: dict[tuple[str, str], dict[int, str]] = {key: {} for key in self.open}
+        self.detections: Counter[tuple[str, str]] = Counter()
+        self.hops: dict[tuple[str, str], dict[str, HopHistogram]] = {
+            key: {hop: HopHistogram() for hop in HOPS} for key in self.open
+        }
+        self._sequencer = sequencer
+
+    def push(self, message: Message) -> None:
+        """Take one message of any substream."""
+        if isinstance(message, EndOfStream):
+            self.open.discard((message.stream, message.detector))
+        if isinstance(message, Dropped):
+            self.dropped[message.stream, message.detector][message.index] = message.reason
+        if isinstance(message, Detections):
+            self.received[message.stream, message.detector].add(message.index)
+        if isinstance(message, Detections | Dropped | EndOfStream):
+            self._apply(self._sequencer.push(message))
+
+    def finish(self) -> None:
+        """Apply what is still held back."""
+        self._apply(self._sequencer.finish())
+
+    def frames(self, stream: str) -> set[int]:
+        """Indices of the frames of a stream that at least one detector has looked at."""
+        return set().union(*(frames for key, frames in self.processed.items() if key[0] == stream))
+
+    def frames_dropped(self, stream: str) -> dict[str, int]:
+        """Frames of a stream that reached a machine but that nobody looked at, by reason."""
+        seen = self.frames(stream)
+        reasons = {i: why for key, frames in self.dropped.items() if key[0] == stream for i, why in frames.items()}
+        return dict(Counter(why for index, why in reasons.items() if index not in seen))
+
+    def _apply(self, results: Iterable[Detections]) -> None:
+        for result in results:
+            self.fuser.apply(result)
+            self.processed[result.stream, result.detector].add(result.index)
+            self.detections[result.stream, result.detector] += len(result.scores)
+            for hop in HOPS:
+                self.hops[result.stream, result.detector][hop].observe(getattr(result.hops, f"{hop}_s"))

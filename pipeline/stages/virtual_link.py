@@ -1,0 +1,40 @@
+"""The links of a stream in video time: nothing sleeps, but every packet pays for its bytes.
+
+Used where a run goes as fast as it can (pace max, and the local run): the token bucket's clock is the capture time,
+so that what a link cannot carry is dropped, at the same frames, however fast the machine is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+from pipeline.link.token_bucket import TokenBucket
+from pipeline.messages import Message, Packet
+
+
+class VirtualLink:
+    """deliver(detector, message) passes the message on and may block."""
+
+    def __init__(self, bandwidth_bps: Mapping[str, float], deliver: Callable[[str, Message], None]) -> None:
+        self._buckets = {site: TokenBucket(rate, burst_bytes(rate)) for site, rate in bandwidth_bps.items()}
+        self._deliver = deliver
+        self.bytes_sent = dict.fromkeys(bandwidth_bps, 0)
+
+    def backlog_s(self, site: str, now_s: float) -> float:
+        """Seconds of video time that the link is behind."""
+        return self._buckets[site].backlog_s(now_s)
+
+    def send(self, site: str, detector: str, message: Message, now_s: float) -> bool:
+        """Always takes the message."""
+        if isinstance(message, Packet):
+            self.bytes_sent[site] += len(message.data)
+            done_s = self._buckets[site].reserve(len(message.data), now_s)
+            message = replace(message, link_s=done_s - now_s)
+        self._deliver(detector, message)
+        return True
+
+
+def burst_bytes(rate_bps: float) -> float:
+    """A link may send so much at once: 20 ms of its rate, one Ethernet frame at least."""
+    return max(1500.0, 0.020 * rate_bps / 8.0) if rate_bps != float("inf") else float("inf")

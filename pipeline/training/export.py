@@ -1,0 +1,49 @@
+"""The trained network as an ONNX file that ``pipeline.detection`` opens."""
+
+from __future__ import annotations
+
+import io
+import os
+from pathlib import Path
+
+import onnx
+import torch
+
+from pipeline.training.network import DecodedNetwork, PersonNetwork
+
+_OPSET = 17
+
+
+def export_onnx(network: PersonNetwork, path: Path, *, width: int, height: int, name: str) -> None:
+    """Write the network in its evaluation form, decoding included, for pictures of height x width.
+
+    The file appears under its name only when it is complete.
+    """
+    decoded = DecodedNetwork(network).eval()
+    image = torch.zeros(1, height, width, 3, dtype=torch.uint8)
+    buffer = io.BytesIO()
+    torch.onnx.export(
+        decoded,
+        (image,),
+        buffer,
+        input_names=["image"],
+        output_names=["boxes", "scores"],
+        opset_version=_OPSET,
+        dynamo=False,
+    )
+    model = onnx.load_from_string(buffer.getvalue())
+    onnx.helper.set_model_props(model, _metadata(width, height, name))
+    onnx.checker.check_model(model)
+    partial = path.with_suffix(".part")
+    partial.write_bytes(model.SerializeToString())
+    os.replace(partial, path)
+
+
+def _metadata(width: int, height: int, name: str) -> dict[str, str]:
+    return {
+        "layout": "searchlight",
+        "name": name,
+        "input": f"uint8 RGB {width}x{height}",
+        "normalisation": "none; values 0..255 are scaled in the graph",
+        "classes": "person",
+    }

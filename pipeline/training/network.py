@@ -1,0 +1,94 @@
+"""The person detector: a small residual network with one output grid at stride 8, free of anchors."""
+
+from __future__ import annotations
+
+import torch
+from pydantic import Field
+from torch import Tensor, nn
+from torch.nn import functional
+
+from pipeline.config.base import Strict
+
+STRIDE = 8
+#: exp of this many strides is far beyond any picture; it keeps the first steps of a training finite
+_LARGEST_LOG_DISTANCE = 5.0
+_RARE_PERSON = 0.01
+_USUAL_DISTANCE_STRIDES = 2.0
+
+
+class NetworkParams(Strict):
+    """channels: after the strides 2, 4, 8 and 16. blocks: residual blocks at strides 8 and 16. head: its channels."""
+
+    channels: tuple[int, int, int, int]
+    blocks: tuple[int, int]
+    head: int = Field(ge=4)
+
+
+class PersonNetwork(nn.Module):
+    """Picture (B, 3, H, W) in 0..1, H and W multiples of 16 -> logits (B, H/8, W/8), distances (B, 4, H/8, W/8).
+
+    Each cell says whether a person's box is centred there, and how far in strides the box reaches to the left,
+    up, to the right and down from the cell's centre. Features at stride 16 widen the view and come back to 8.
+    """
+
+    def __init__(self, params: NetworkParams) -> None:
+        super().__init__()
+        c2, c4, c8, c16 = params.channels
+        self.stem = nn.Sequential(_convolution(3, c2, 2), _convolution(c2, c4, 2))
+        self.fine = nn.Sequential(_convolution(c4, c8, 2), *(_Residual(c8) for _ in range(params.blocks[0])))
+        self.wide = nn.Sequential(_convolution(c8, c16, 2), *(_Residual(c16) for _ in range(params.blocks[1])))
+        self.back = _convolution(c16, c8, 1, size=1)
+        self.head = _convolution(c8, params.head, 1)
+        self.out = nn.Conv2d(params.head, 5, 1)
+        bias = torch.full((5,), _USUAL_DISTANCE_STRIDES).log()
+        bias[0] = torch.logit(torch.tensor(_RARE_PERSON))
+        self.out.bias = nn.Parameter(bias)
+
+    def forward(self, picture: Tensor) -> tuple[Tensor, Tensor]:
+        """See the class."""
+        fine = self.fine(self.stem(picture))
+        wide = functional.interpolate(self.back(self.wide(fine)), scale_factor=2.0, mode="nearest")
+        out = self.out(self.head(fine + wide))
+        return out[:, 0], out[:, 1:].clamp(max=_LARGEST_LOG_DISTANCE).exp()
+
+
+class _Residual(nn.Module):
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        self.first = _convolution(channels, channels, 1)
+        self.second = nn.Sequential(
+            nn.Conv2d(channels, channels, 3, padding=1, bias=False), nn.BatchNorm2d(channels)
+        )
+
+    def forward(self, x: Tensor) -> Tensor:
+        return functional.relu(x + self.second(self.first(x)))
+
+
+def _convolution(channels_in: int, channels_out: int, stride: int, size: int = 3) -> nn.Sequential:
+    return nn.Sequential(
+        nn.Conv2d(channels_in, channels_out, size, stride, padding=size // 2, bias=False),
+        nn.BatchNorm2d(channels_out),
+        nn.ReLU(inplace=True),
+    )
+
+
+def boxes_of(distances: Tensor) -> Tensor:
+    """Boxes (B, 4, h, w) xyxy in input pixels, of distances (B, 4, h, w) in strides from each cell's centre."""
+    rows, columns = distances.shape[2:]
+    y = (torch.arange(rows, dtype=distances.dtype) + 0.5)[None, :, None].expand(1, rows, columns)
+    x = (torch.arange(columns, dtype=distances.dtype) + 0.5)[None, None, :].expand(1, rows, columns)
+    left, up, right, down = distances.unbind(1)
+    return torch.stack([x - left, y - up, x + right, y + down], dim=1) * STRIDE
+
+
+class DecodedNetwork(nn.Module):
+    """What is exported: picture uint8 (1, H, W, 3) RGB -> boxes (1, N, 4) xyxy in its pixels, scores (1, N)."""
+
+    def __init__(self, network: PersonNetwork) -> None:
+        super().__init__()
+        self.network = network
+
+    def forward(self, image: Tensor) -> tuple[Tensor, Tensor]:
+        """See the class."""
+        logits, distances = self.network(image.permute(0, 3, 1, 2).to(torch.float32) / 255.0)
+        return boxes_of(distances).flatten(2).transpose(1, 2), logits.flatten(1).sigmoid()

@@ -1,0 +1,63 @@
+import urllib.request
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from actors.metrics import Snapshot, frame_outcomes, serve
+from actors.reducer import ReducerStatus
+from actors.source import SourceStatus
+from pipeline.allocation.plan import Plan
+from pipeline.stages.reducer import HOPS, HopHistogram
+
+PLAN = Plan("optimal", 1.25, 1.25, 0.0, 2, (), 0.1, 10, 10)
+
+
+def source(done: int = 30, sampled: int = 10, dropped: dict[str, int] | None = None) -> SourceStatus:
+    return SourceStatus("v", done, 90, False, sampled, dropped or {}, {"ground": 1000}, None)
+
+
+def reducer(frames: int, dropped: dict[str, int] | None = None) -> ReducerStatus:
+    hops = {hop: HopHistogram() for hop in HOPS}
+    for histogram in hops.values():
+        histogram.observe(0.003)
+    return ReducerStatus(
+        1, {("v", "d"): frames}, {("v", "d"): 3}, {("v", "d"): dropped or {}}, {"v": frames}, {"v": dropped or {}},
+        {"bad_box": 2}, {("v", "d"): hops}, 0, None,
+    )
+
+
+@given(st.integers(0, 1000), st.integers(0, 300), st.integers(0, 100), st.integers(0, 100), st.integers(0, 100))
+def test_at_any_moment_captured_is_processed_and_dropped_and_in_flight(
+    done: int, sampled: int, at_source: int, processed: int, at_machine: int
+) -> None:
+    outcomes = frame_outcomes(
+        source(done, sampled, {"link_full": at_source}), reducer(processed, {"machine_busy": at_machine})
+    )
+    assert min(outcomes.values()) >= 0
+    answered = processed + at_source + at_machine
+    assert sum(outcomes.values()) == max(done, sampled, max(done, sampled) - sampled + answered)
+
+
+def test_the_endpoint_shows_frames_hops_links_and_the_plan() -> None:
+    snapshot = Snapshot(PLAN, {"v": source()}, reducer(7), {("v", "ground"): 6e6})
+    _, server = serve(snapshot, 0)
+    try:
+        with urllib.request.urlopen(f"http://127.0.0.1:{server.server_port}/metrics") as answer:
+            text = answer.read().decode()
+    finally:
+        server.shutdown()
+        server.server_close()
+    for line in (
+        'searchlight_frames_captured_total{stream="v"} 30.0',
+        'searchlight_frames_total{outcome="processed",stream="v"} 7.0',
+        'searchlight_frames_total{outcome="not_sampled",stream="v"} 20.0',
+        'searchlight_frames_in_flight{stream="v"} 3.0',
+        'searchlight_link_bytes_total{site="ground",stream="v"} 1000.0',
+        'searchlight_link_bandwidth_bps{site="ground",stream="v"} 6e+06',
+        'searchlight_hop_seconds_bucket{detector="d",hop="encode",le="0.005",stream="v"} 1.0',
+        'searchlight_hop_seconds_count{detector="d",hop="detect",stream="v"} 1.0',
+        'searchlight_evidence_refused_total{reason="bad_box"} 2.0',
+        "searchlight_plan_objective 1.25",
+        "searchlight_plan_gap 0.0",
+    ):
+        assert line in text, line

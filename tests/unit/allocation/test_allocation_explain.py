@@ -1,0 +1,57 @@
+"""Why there is no plan: the limits named are those that clash, and no others."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from pipeline.allocation.explain import explain
+from pipeline.allocation.problem import Problem
+
+Tiny = Callable[..., Problem]
+
+
+def test_a_link_that_is_too_narrow_is_named_alone(tiny: Tiny) -> None:
+    line = explain(tiny(("fast", 1, 0.8, 2.0), link_mbps=0.5))
+    assert "the links of stream v (0.5 Mbps to s)" in line
+    assert "memory" not in line
+    assert "detectors_per" not in line
+
+
+def test_a_memory_that_is_too_small_is_named_alone(tiny: Tiny) -> None:
+    line = explain(tiny(("fast", 1, 0.8, 2.0), machine_gb=1.0))
+    assert line == "no plan: these limits cannot hold together: the memory of machine m (1 GB)"
+
+
+def test_one_detector_per_machine_is_named_by_its_rule(tiny: Tiny) -> None:
+    pair = (("a", 2, 0.8, 1.0), ("b", 2, 0.7, 1.0))
+    assert "one detector at a time on machine m" in explain(
+        tiny(*pair, memory_rule="one_detector_per_machine")
+    )
+
+
+def test_detectors_per_frame_is_named_when_periods_collide(tiny: Tiny) -> None:
+    mixed = (("a", 2, 0.8, 1.0), ("b", 3, 0.8, 1.0), ("c", 3, 0.8, 1.0), ("d", 3, 0.8, 1.0))
+    few = tiny(*mixed[:1], *mixed[1:3], detectors_per_frame=1, detectors_per_stream=3, link_mbps=99.0)
+    assert "cannot look at every frame" in explain(few)
+    line = explain(tiny(*mixed, detectors_per_stream=2, link_mbps=99.0))
+    assert line == "no plan: these limits cannot hold together: detectors_per_stream 2"
+
+
+def test_a_clash_of_two_limits_names_both(tiny: Tiny) -> None:
+    """Either stream alone fits the memory; w could not go anywhere else, nor could v."""
+    streams = {"streams": ("v", "w"), "link_bps": {("v", "s"): 9e6, ("w", "s"): 0.5e6}}
+    line = explain(tiny(("fast", 1, 0.8, 2.0), machine_gb=2.0, **streams))
+    assert "the memory of machine m (2 GB)" in line or "the links of stream w" in line
+
+
+def test_too_few_detectors_are_told_apart_from_limits(tiny: Tiny) -> None:
+    line = explain(tiny(("slow", 3, 0.8, 1.0)))
+    assert "1 detectors, the fastest (m:slow) one frame in 3" in line
+    assert "\n" not in line
+
+
+def test_a_problem_with_a_plan_has_nothing_to_explain(tiny: Tiny) -> None:
+    with pytest.raises(ValueError, match="has a plan"):
+        explain(tiny(("fast", 1, 0.8, 2.0)))
