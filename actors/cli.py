@@ -58,10 +58,18 @@ def check(mission: Annotated[Path, typer.Argument(help="The mission file (YAML).
 def run(
     mission: Annotated[Path, typer.Argument(help="The mission file (YAML).")],
     out: Annotated[Path, typer.Option(help="Run directory; new, empty, or of an earlier run.")],
-    pace: Annotated[Pace, typer.Option(help="As the video plays, or as fast as this machine can.")] = Pace.MAX,
-    local: Annotated[bool, typer.Option("--local", help="In one process, without Ray: the reference.")] = False,
-    address: Annotated[str | None, typer.Option(help="A running Ray cluster; without it one is started.")] = None,
-    metrics_port: Annotated[int | None, typer.Option(help="Serve /metrics there; 0 for any free port.")] = None,
+    pace: Annotated[
+        Pace, typer.Option(help="As the video plays, or as fast as this machine can.")
+    ] = Pace.MAX,
+    local: Annotated[
+        bool, typer.Option("--local", help="In one process, without Ray: the reference.")
+    ] = False,
+    address: Annotated[
+        str | None, typer.Option(help="A running Ray cluster; without it one is started.")
+    ] = None,
+    metrics_port: Annotated[
+        int | None, typer.Option(help="Serve /metrics there; 0 for any free port.")
+    ] = None,
     metrics_host: Annotated[str, typer.Option(help="Interface for /metrics.")] = "127.0.0.1",
 ) -> None:
     """Detect, fuse and map: from video files to the people found."""
@@ -83,7 +91,9 @@ def run(
             )
     summary = publish(prepared, finished, out)
     _print_people(summary)
-    console.print(f"{summary.video_seconds:.1f} s of video in {summary.seconds:.1f} s; see {out / 'report.html'}")
+    console.print(
+        f"{summary.video_seconds:.1f} s of video in {summary.seconds:.1f} s; see {out / 'report.html'}"
+    )
 
 
 @app.command()
@@ -95,7 +105,9 @@ def train(
     try:
         from pipeline.training.train import train as train_detector
     except ModuleNotFoundError as error:
-        raise InputError("searchlight train", f"no module {error.name}", "pip install 'searchlight[train]'") from None
+        raise InputError(
+            "searchlight train", f"no module {error.name}", "pip install 'searchlight[train]'"
+        ) from None
     with _progress("steps") as progress:
         train_detector(config, out, progress=progress)
 
@@ -156,10 +168,21 @@ def _print_people(summary) -> None:  # type: ignore[no-untyped-def]
     for column in ("place", "probability", "latitude", "longitude", "seen from", "to", "to the true place"):
         table.add_column(column, justify="right")
     for place in summary.locations:
-        known = f"{distance[place.id]:.2f} m" if place.id in distance else "" if summary.match is None else "false"
+        known = (
+            f"{distance[place.id]:.2f} m"
+            if place.id in distance
+            else ""
+            if summary.match is None
+            else "false"
+        )
         table.add_row(
-            str(place.id), f"{place.probability:.2f}", f"{place.latitude_deg:.7f}", f"{place.longitude_deg:.7f}",
-            clock_utc(place.first_seen_ns), clock_utc(place.last_seen_ns), known,
+            str(place.id),
+            f"{place.probability:.2f}",
+            f"{place.latitude_deg:.7f}",
+            f"{place.longitude_deg:.7f}",
+            clock_utc(place.first_seen_ns),
+            clock_utc(place.last_seen_ns),
+            known,
         )
     Console().print(table)
 

@@ -1,4 +1,4 @@
-"""Attach to a Ray cluster, or start one that lives as long as the run, on loopback, and leaves nothing behind."""
+"""Attach to a Ray cluster, or start one on loopback that lives as long as the run and leaves nothing behind."""
 
 from __future__ import annotations
 
@@ -26,7 +26,9 @@ def cluster(address: str | None, sites: Iterable[str]) -> Iterator[str]:
     try:
         ray.init(address=address, log_to_driver=False, logging_level="error", namespace="searchlight")
     except (ConnectionError, ValueError, RuntimeError) as error:
-        raise InputError("--address", f"{address} ({str(error).splitlines()[0]})", "the address of a running Ray cluster") from None
+        raise InputError(
+            "--address", f"{address} ({str(error).splitlines()[0]})", "the address of a running Ray cluster"
+        ) from None
     try:
         require_sites(sites, ray.cluster_resources(), address)
         yield ray.util.get_node_ip_address()
@@ -36,8 +38,8 @@ def cluster(address: str | None, sites: Iterable[str]) -> Iterator[str]:
 
 @contextmanager
 def _local(sites: tuple[str, ...]) -> Iterator[str]:
-    # Ray otherwise replaces 127.0.0.1 by the machine's outside address, writes a token file into the home folder,
-    # and reports usage to its makers.
+    # Ray otherwise replaces 127.0.0.1 by the machine's outside address, writes a token file into the home
+    # folder, and reports usage to its makers.
     os.environ.setdefault("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")
     os.environ.setdefault("RAY_AUTH_MODE", "token")
     os.environ.setdefault("RAY_AUTH_TOKEN", secrets.token_hex(32))

@@ -1,4 +1,4 @@
-"""The machine actor: one process per machine; each substream that it was given has a decoder, a detector, a thread."""
+"""The machine actor: one process per machine; each of its substreams has a decoder, a detector, a thread."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from pipeline.allocation.plan import Assignment
 from pipeline.config.mission import Codec
 from pipeline.detection import load_detector
 from pipeline.link.channel import LinkSender, Receiver
-from pipeline.link.token_bucket import TokenBucket
 from pipeline.messages import EndOfStream, Message, Packet
 from pipeline.stages.detector import DetectorStage
+from pipeline.stages.virtual_link import unlimited
 
 Address = tuple[str, int]
 #: packets that may wait for one detector; the sender's link feels what is above
@@ -43,7 +43,7 @@ class MachineActor:
         self._queues: dict[tuple[str, str], queue.Queue[tuple[int, Message]]] = {}
         self._error: str | None = None
         self._receiver: Receiver | None = None
-        self._results = LinkSender(TokenBucket(float("inf"), float("inf")), capacity_bytes=16 * 1024 * 1024)
+        self._results = LinkSender(unlimited(), capacity_bytes=16 * 1024 * 1024)
 
     def start(
         self,
@@ -66,7 +66,9 @@ class MachineActor:
     def status(self) -> MachineStatus:
         """A snapshot."""
         waiting = {key: q.qsize() for key, q in self._queues.items()}
-        return MachineStatus(self._machine, waiting, self._receiver.rejected if self._receiver else 0, self._error)
+        return MachineStatus(
+            self._machine, waiting, self._receiver.rejected if self._receiver else 0, self._error
+        )
 
     def _receive(self, message: Message) -> None:
         if isinstance(message, Packet | EndOfStream):

@@ -52,18 +52,28 @@ def serve(snapshot: Snapshot, port: int, host: str = "127.0.0.1") -> tuple[RunCo
 
 
 def _plan_metrics(plan: Plan) -> Iterable[Metric]:
-    yield GaugeMetricFamily("searchlight_plan_objective", "Objective of the running plan", value=plan.objective or 0.0)
+    yield GaugeMetricFamily(
+        "searchlight_plan_objective", "Objective of the running plan", value=plan.objective or 0.0
+    )
     yield GaugeMetricFamily("searchlight_plan_gap", "Relative gap to the proven bound", value=plan.gap or 0.0)
     yield GaugeMetricFamily("searchlight_plan_solve_seconds", "Time that planning took", value=plan.solve_s)
-    yield GaugeMetricFamily("searchlight_plan_substreams", "Substreams in the running plan", value=len(plan.assignments))
+    yield GaugeMetricFamily(
+        "searchlight_plan_substreams", "Substreams in the running plan", value=len(plan.assignments)
+    )
 
 
 def _frame_metrics(snapshot: Snapshot) -> Iterable[Metric]:
-    captured = CounterMetricFamily("searchlight_frames_captured", "Frames of the video so far", labels=["stream"])
-    frames = CounterMetricFamily(
-        "searchlight_frames", "Frames of the video so far, by what became of them", labels=["stream", "outcome"]
+    captured = CounterMetricFamily(
+        "searchlight_frames_captured", "Frames of the video so far", labels=["stream"]
     )
-    flight = GaugeMetricFamily("searchlight_frames_in_flight", "Frames sent and not yet answered", labels=["stream"])
+    frames = CounterMetricFamily(
+        "searchlight_frames",
+        "Frames of the video so far, by what became of them",
+        labels=["stream", "outcome"],
+    )
+    flight = GaugeMetricFamily(
+        "searchlight_frames_in_flight", "Frames sent and not yet answered", labels=["stream"]
+    )
     for stream, source in snapshot.sources.items():
         outcomes = frame_outcomes(source, snapshot.reducer)
         captured.add_metric([stream], sum(outcomes.values()))
@@ -89,7 +99,9 @@ def frame_outcomes(source: SourceStatus, reducer: ReducerStatus | None) -> dict[
 
 def _link_metrics(snapshot: Snapshot) -> Iterable[Metric]:
     sent = CounterMetricFamily("searchlight_link_bytes", "Bytes sent over a link", labels=["stream", "site"])
-    limit = GaugeMetricFamily("searchlight_link_bandwidth_bps", "Bandwidth of a link", labels=["stream", "site"])
+    limit = GaugeMetricFamily(
+        "searchlight_link_bandwidth_bps", "Bandwidth of a link", labels=["stream", "site"]
+    )
     for stream, source in snapshot.sources.items():
         for site, count in source.bytes_sent.items():
             sent.add_metric([stream, site], count)
@@ -100,17 +112,29 @@ def _link_metrics(snapshot: Snapshot) -> Iterable[Metric]:
 
 
 def _result_metrics(reducer: ReducerStatus) -> Iterable[Metric]:
-    results = CounterMetricFamily("searchlight_results", "Results applied to the map", labels=["stream", "detector"])
+    results = CounterMetricFamily(
+        "searchlight_results", "Results applied to the map", labels=["stream", "detector"]
+    )
     for (stream, detector), count in reducer.results.items():
         results.add_metric([stream, detector], count)
-    dropped = CounterMetricFamily("searchlight_results_dropped", "Frames of a substream without a result", labels=["stream", "detector", "reason"])
+    dropped = CounterMetricFamily(
+        "searchlight_results_dropped",
+        "Frames of a substream without a result",
+        labels=["stream", "detector", "reason"],
+    )
     for (stream, detector), reasons in reducer.dropped.items():
         for reason, count in reasons.items():
             dropped.add_metric([stream, detector, reason], count)
-    refused = CounterMetricFamily("searchlight_evidence_refused", "Evidence that the map did not take", labels=["reason"])
+    refused = CounterMetricFamily(
+        "searchlight_evidence_refused", "Evidence that the map did not take", labels=["reason"]
+    )
     for reason, count in reducer.refused.items():
         refused.add_metric([reason], count)
-    latency = HistogramMetricFamily("searchlight_hop_seconds", "Time a result spent on each part of its way", labels=["stream", "detector", "hop"])
+    latency = HistogramMetricFamily(
+        "searchlight_hop_seconds",
+        "Time a result spent on each part of its way",
+        labels=["stream", "detector", "hop"],
+    )
     for (stream, detector), hops in reducer.hops.items():
         for hop, histogram in hops.items():
             total, buckets = 0, []

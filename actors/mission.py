@@ -30,7 +30,7 @@ START_DELAY_S = 1.0
 
 @dataclass(frozen=True)
 class RunOptions:
-    """address: of a Ray cluster, or None to start one. metrics_port: None for no /metrics, 0 for any free port."""
+    """address: of a Ray cluster, or None to start one. metrics_port: None for no /metrics, 0 for any port."""
 
     pace: Pace = "max"
     address: str | None = None
@@ -46,7 +46,7 @@ class RunFailedError(SearchlightError):
 
 @dataclass(frozen=True, eq=False)
 class RunResult:
-    """The plan that ran, the reducer with the map, the sources' counts, bytes per (stream, site), seconds it took."""
+    """The plan that ran, the reducer with the map, the sources' counts, bytes per (stream, site), seconds."""
 
     plan: Plan
     reducer: ReducerStage
@@ -61,7 +61,7 @@ def run_on_ray(
     progress: Callable[[str, int, int], None],
     say: Callable[[str], None],
 ) -> RunResult:
-    """Plan and run the mission. progress(stream, frames done, frames in all); say(one line) for each phase."""
+    """Plan and run. progress(stream, frames done, frames in all); say(one line) for each phase."""
     say("starting Ray" if options.address is None else f"joining Ray at {options.address}")
     with cluster(options.address, [site.id for site in prepared.inventory.sites]) as host:
         wiring = _Wiring(prepared, options, host)
@@ -91,7 +91,9 @@ class _Wiring:
 
     def start(self, plan: Plan) -> None:
         realtime = self._options.pace == "realtime"
-        self._reducer = _remote(ReducerActor, None).remote(self._prepared, plan, self._host, self._token, realtime)
+        self._reducer = _remote(ReducerActor, None).remote(
+            self._prepared, plan, self._host, self._token, realtime
+        )
         codec = self._prepared.mission.processing.codec
         sites = {a.machine: a.site for a in plan.assignments}
         self._machines = {
@@ -112,7 +114,9 @@ class _Wiring:
             offset_s = (s.start_ns - first_ns) * 1e-9
             _get(self._sources[s.stream].start.remote(addresses, self._options.pace, start_s + offset_s))
 
-    def supervise(self, plan: Plan, progress: Callable[[str, int, int], None], say: Callable[[str], None]) -> RunResult:
+    def supervise(
+        self, plan: Plan, progress: Callable[[str, int, int], None], say: Callable[[str], None]
+    ) -> RunResult:
         collector, server = None, None
         snapshot = Snapshot(plan, bandwidth_bps=self._used_links(plan))
         if self._options.metrics_port is not None:
@@ -138,7 +142,8 @@ class _Wiring:
         given = {m: tuple(a for a in plan.assignments if a.machine == m) for m in self._machines}
         models = {a.pool_detector: self._prepared.model(a.pool_detector) for a in plan.assignments}
         started = {
-            m: actor.start.remote(given[m], models, reducer_address, realtime) for m, actor in self._machines.items()
+            m: actor.start.remote(given[m], models, reducer_address, realtime)
+            for m, actor in self._machines.items()
         }
         return {a.detector: _get(started[a.machine]) for a in plan.assignments}
 
@@ -160,7 +165,9 @@ class _Wiring:
         seconds = time.monotonic() - self._started
         stage: ReducerStage = _get(self._reducer.finish.remote())
         counts = {name: _get(source.count.remote()) for name, source in self._sources.items()}
-        sent = {(n, site): b for n, source in snapshot.sources.items() for site, b in source.bytes_sent.items()}
+        sent = {
+            (n, site): b for n, source in snapshot.sources.items() for site, b in source.bytes_sent.items()
+        }
         return RunResult(plan, stage, counts, sent, seconds)
 
     def _used_links(self, plan: Plan) -> dict[tuple[str, str], float]:

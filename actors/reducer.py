@@ -40,7 +40,9 @@ class ReducerStatus:
 class ReducerActor:
     """Takes results from every machine."""
 
-    def __init__(self, prepared: PreparedMission, plan: Plan, host: str, token: bytes, realtime: bool) -> None:
+    def __init__(
+        self, prepared: PreparedMission, plan: Plan, host: str, token: bytes, realtime: bool
+    ) -> None:
         self._stage = make_reducer(prepared, plan, lateness=realtime)
         self._lock = threading.Lock()
         self._error: str | None = None
@@ -82,4 +84,3 @@ class ReducerActor:
         except Exception:
             self._error = traceback.format_exc()
             raise
-

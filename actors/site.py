@@ -27,4 +27,8 @@ def require_sites(sites: Iterable[str], cluster: Mapping[str, float], address: s
     for site in sites:
         if cluster.get(resource(site), 0.0) <= 0.0:
             start = f"ray start --address=HEAD --resources='{{\"{resource(site)}\": 1}}'"
-            raise InputError(f"Ray cluster at {address}", f"no node with the resource {resource(site)!r}", f"one, started with: {start}")
+            raise InputError(
+                f"Ray cluster at {address}",
+                f"no node with the resource {resource(site)!r}",
+                f"one, started with: {start}",
+            )

@@ -11,12 +11,11 @@ from typing import Literal
 
 from pipeline.allocation.plan import Assignment
 from pipeline.link.channel import LinkSender
-from pipeline.link.token_bucket import TokenBucket
 from pipeline.local import MAX_BACKLOG_S
 from pipeline.messages import Message
 from pipeline.stages.radio_link import RadioLink
 from pipeline.stages.source import SourceCount, SourceStage, StreamInput
-from pipeline.stages.virtual_link import VirtualLink
+from pipeline.stages.virtual_link import VirtualLink, unlimited
 
 Pace = Literal["realtime", "max"]
 Address = tuple[str, int]
@@ -27,8 +26,8 @@ QUEUE_BYTES = 4 * 1024 * 1024
 class SourceStatus:
     """How far the source is.
 
-    frames_done of frames_total frames of the video; sampled: those on the processing clock; frames_dropped: sent to
-    nobody, by reason. bytes_sent: per site. error: what went wrong, or None.
+    frames_done of frames_total frames of the video; sampled: those on the processing clock; frames_dropped:
+    sent to nobody, by reason. bytes_sent: per site. error: what went wrong, or None.
     """
 
     stream: str
@@ -45,7 +44,11 @@ class SourceActor:
     """One stream. bandwidth_bps: of its link to every site that it sends to."""
 
     def __init__(
-        self, stream: StreamInput, assignments: tuple[Assignment, ...], bandwidth_bps: Mapping[str, float], token: bytes
+        self,
+        stream: StreamInput,
+        assignments: tuple[Assignment, ...],
+        bandwidth_bps: Mapping[str, float],
+        token: bytes,
     ) -> None:
         self._stream = stream
         self._assignments = tuple(a for a in assignments if a.stream == stream.stream)
@@ -58,7 +61,7 @@ class SourceActor:
         self._bytes: dict[str, int] = {}
 
     def start(self, addresses: Mapping[str, Address], pace: Pace, start_time_s: float) -> None:
-        """Begin to send. addresses: of each detector. start_time_s: when the first frame is due, UTC (realtime)."""
+        """Begin to send. addresses: of each detector. start_time_s: UTC, when the first frame is due (realtime)."""
         run = self._run_realtime if pace == "realtime" else self._run_max
         threading.Thread(target=self._guard, args=(run, addresses, start_time_s), daemon=True).start()
 
@@ -105,7 +108,7 @@ class SourceActor:
         self._bytes = link.bytes_sent
 
     def _run_max(self, addresses: Mapping[str, Address], start_time_s: float) -> None:
-        sender = LinkSender(TokenBucket(float("inf"), float("inf")), capacity_bytes=QUEUE_BYTES)
+        sender = LinkSender(unlimited(), capacity_bytes=QUEUE_BYTES)
         for a in self._assignments:
             sender.connect(a.detector, addresses[a.detector], self._token)
 

@@ -5,7 +5,18 @@ from __future__ import annotations
 import importlib
 import sys
 
-PACKAGES = ("av", "embreex", "numba", "onnxruntime", "ortools", "pyproj", "rasterio", "ray", "scipy", "matplotlib")
+PACKAGES = (
+    "av",
+    "embreex",
+    "numba",
+    "onnxruntime",
+    "ortools",
+    "pyproj",
+    "rasterio",
+    "ray",
+    "scipy",
+    "matplotlib",
+)
 #: system library -> Debian package
 LIBRARIES = {
     "libstdc++.so.6": "libstdc++6",

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib import image as matplotlib_image
 
-from pipeline.fusion.fuser import Look
+from pipeline.fusion.look import Look
 from pipeline.fusion.salient import SalientLocation
 from pipeline.geo.camera import Camera
 from pipeline.messages import FloatArray

@@ -39,7 +39,8 @@ def run_local(prepared: PreparedMission, plan: Plan, progress: Progress) -> Loca
         return lambda detector, message: reducer.push(stages[stream, detector].process(message, 0))
 
     links = {
-        s.stream: VirtualLink(bandwidth(prepared, plan, s.stream), deliver_from(s.stream)) for s in prepared.streams
+        s.stream: VirtualLink(bandwidth(prepared, plan, s.stream), deliver_from(s.stream))
+        for s in prepared.streams
     }
     sources = {
         s.stream: SourceStage(s, plan.assignments, links[s.stream], MAX_BACKLOG_S) for s in prepared.streams

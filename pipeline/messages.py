@@ -37,8 +37,8 @@ class CameraPose:
 class Frame:
     """One picture of one stream. Never travels between processes.
 
-    image: uint8 (H, W, 3) RGB. time_ns: capture time, ns UTC. index: number of the frame in its video, from 0;
-    tick: number of the frame on the processing clock.
+    image: uint8 (H, W, 3) RGB. time_ns: capture time, ns UTC. index: number of the frame in its video, from
+    0; tick: number of the frame on the processing clock.
     """
 
     stream: str
@@ -131,6 +131,26 @@ _RECORDS: dict[str, type] = {
     cls.__name__: cls for cls in (CameraPose, Packet, Hops, Detections, Dropped, EndOfStream)
 }
 _DTYPES = {"float64": np.float64, "int64": np.int64}
+#: what may stand in a field of this annotation
+_TYPES: dict[str, tuple[type, ...]] = {
+    "str": (str,),
+    "int": (int,),
+    "float": (float, int),
+    "bool": (bool,),
+    "bytes": (bytes,),
+    "CameraPose": (CameraPose,),
+    "Hops": (Hops,),
+    "FloatArray": (np.ndarray,),
+    "NDArray[np.int64]": (np.ndarray,),
+}
+#: dtype and shape of the array fields; -1 is the number of detections, the same in all of them
+_ARRAYS = {
+    "position_enu": (np.float64, (3,)),
+    "enu_from_camera": (np.float64, (3, 3)),
+    "boxes_px": (np.float64, (-1, 4)),
+    "scores": (np.float64, (-1,)),
+    "class_ids": (np.int64, (-1,)),
+}
 
 
 def pack(message: Message) -> bytes:
@@ -155,6 +175,8 @@ def unpack(data: bytes | bytearray | memoryview) -> Message:
 
 def _encode(value: Any) -> Any:
     if isinstance(value, np.ndarray):
+        if value.dtype.name not in _DTYPES:
+            raise TypeError(f"an array of {value.dtype.name} does not travel")
         return {"@": "array", "dtype": value.dtype.name, "shape": value.shape, "data": value.tobytes()}
     if type(value).__name__ in _RECORDS:
         return {"@": type(value).__name__} | {f.name: getattr(value, f.name) for f in fields(value)}
@@ -169,5 +191,20 @@ def _decode(value: dict[str, Any]) -> Any:
             raise ProtocolError(f"array of {value['dtype']!r}")
         return np.frombuffer(value["data"], dtype=dtype).reshape(value["shape"])
     if kind in _RECORDS:
-        return _RECORDS[kind](**value)
+        return _record(_RECORDS[kind], value)
     raise ProtocolError(f"record of kind {kind!r}")
+
+
+def _record(cls: type, values: dict[str, Any]) -> Any:
+    """The record, if every field is what its annotation says: what comes from a wire is not believed."""
+    count = len(values["scores"]) if cls is Detections else 0
+    for field in fields(cls):
+        value = values.get(field.name, field.default)
+        if type(value) not in _TYPES[str(field.type)]:
+            raise ProtocolError(f"{cls.__name__}.{field.name} is of type {type(value).__name__}")
+        if field.name in _ARRAYS:
+            dtype, shape = _ARRAYS[field.name]
+            wanted = tuple(count if size == -1 else size for size in shape)
+            if value.dtype != dtype or value.shape != wanted:
+                raise ProtocolError(f"{cls.__name__}.{field.name} is {value.dtype} {value.shape}, not {wanted}")
+    return cls(**values)

@@ -25,7 +25,7 @@ from pipeline.stages.source import StreamInput
 from pipeline.telemetry.dji_srt import read_dji_srt
 from pipeline.telemetry.track import Track, pose_at, require_complete
 from pipeline.video.codec import require_codec
-from pipeline.video.source import VideoInfo, check_video, open_video
+from pipeline.video.source import VideoInfo, check_video, sampled_indices
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +56,11 @@ class PreparedMission:
         """ONNX file and score threshold of a pool detector."""
         detector = next(d for d in self.pool.detectors if d.id == pool_detector)
         if detector.model is None:
-            raise InputError(f"{self.mission.pool} {pool_detector}.model", "nothing", "an ONNX file: this detector can only be planned with")
+            raise InputError(
+                f"{self.mission.pool} {pool_detector}.model",
+                "nothing",
+                "an ONNX file: this detector can only be planned with",
+            )
         return detector.model, detector.score_threshold
 
 
@@ -86,10 +90,12 @@ def plan(prepared: PreparedMission, workers: int = 2) -> Plan:
     limit_s = prepared.mission.processing.time_limit
     result = solve(prepared.problem, time_limit_s=limit_s, workers=workers)
     if result.status == "infeasible":
-        raise NoPlanError(f"{prepared.path}: no allocation satisfies the mission: {explain(prepared.problem)}")
+        raise NoPlanError(
+            f"{prepared.path}: no allocation satisfies the mission: {explain(prepared.problem)}"
+        )
     if result.status == "unknown":
         raise NoPlanError(
-            f"{prepared.path} processing.time_limit: found no plan within {limit_s:g} s; expected a longer time"
+            f"{prepared.path} processing.time_limit: found no plan within {limit_s:g} s; expected more time"
         )
     for assignment in result.assignments:
         prepared.model(assignment.pool_detector)
@@ -120,7 +126,9 @@ def _stream(
         processing_rate_hz=mission.processing.frame_rate,
         codec=mission.processing.codec,
     )
-    sampled_indices(video.frames, video.frame_rate, mission.processing.frame_rate, where=f"{path} processing.frame_rate")
+    sampled_indices(
+        video.frames, video.frame_rate, mission.processing.frame_rate, where=f"{path} processing.frame_rate"
+    )
     return result
 
 
@@ -133,7 +141,7 @@ def _telemetry_covers(stream: Stream, video: VideoInfo, track: Track) -> None:
         raise InputError(
             stream.telemetry.file,
             f"telemetry from {first:.2f} s to {last:.2f} s",
-            f"telemetry that covers {stream.video}, 0 s to {last_frame_s:.2f} s (or another telemetry.time_offset)",
+            f"telemetry for 0 s to {last_frame_s:.2f} s of {stream.video}, or another telemetry.time_offset",
         )
 
 
@@ -144,10 +152,16 @@ def _terrain_covers(mission: Mission, terrain: Terrain, stream: StreamInput) -> 
         ground = terrain.height(east, north)
         where = f"{mission.terrain.file} under {stream.stream} at {time_s:.0f} s"
         if np.isnan(ground):
-            raise InputError(where, f"no ground at east {east:.0f} m, north {north:.0f} m", "a terrain that covers the flight")
+            raise InputError(
+                where,
+                f"no ground at east {east:.0f} m, north {north:.0f} m",
+                "a terrain that covers the flight",
+            )
         if up <= ground:
             raise InputError(
-                where, f"the drone at {up:.1f} m, ground at {ground:.1f} m", "a drone above the ground: the same height datum?"
+                where,
+                f"the drone at {up:.1f} m, ground at {ground:.1f} m",
+                "a drone above the ground: the same height datum?",
             )
 
 
@@ -156,11 +170,17 @@ def _sites_exist(path: Path, mission: Mission, inventory: Inventory) -> None:
     streams = {stream.id for stream in mission.streams}
     for number, stream in enumerate(mission.streams):
         if stream.site not in sites:
-            raise InputError(f"{path} streams.{number}.site", repr(stream.site), f"a site of {mission.inventory}: {', '.join(sorted(sites))}")
+            raise InputError(
+                f"{path} streams.{number}.site",
+                repr(stream.site),
+                f"a site of {mission.inventory}: {', '.join(sorted(sites))}",
+            )
     for number, link in enumerate(inventory.links):
         if link.stream not in streams:
             raise InputError(
-                f"{mission.inventory} links.{number}.stream", repr(link.stream), f"a stream of the mission: {', '.join(sorted(streams))}"
+                f"{mission.inventory} links.{number}.stream",
+                repr(link.stream),
+                f"a stream of the mission: {', '.join(sorted(streams))}",
             )
 
 

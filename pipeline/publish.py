@@ -12,6 +12,7 @@ import numpy as np
 
 from pipeline.allocation.gantt import gantt
 from pipeline.allocation.plan import Plan, plan_to_json
+from pipeline.evidence import evidence_pictures
 from pipeline.fusion.salient import SalientLocation, salient_locations
 from pipeline.messages import FloatArray
 from pipeline.outputs.map_picture import map_picture, png
@@ -20,10 +21,9 @@ from pipeline.outputs.safe_write import run_directory, write_bytes, write_text
 from pipeline.outputs.saliency_tif import write_saliency
 from pipeline.outputs.salient_geojson import write_salient
 from pipeline.outputs.summary import LinkUse, Summary, write_summary
-from pipeline.outputs.truth import TruePerson, match_truth, load_truth
+from pipeline.outputs.truth import TruePerson, load_truth, match_truth
 from pipeline.preflight import PreparedMission
 from pipeline.stages.accounts import stream_account, substream_counts
-from pipeline.evidence import evidence_pictures
 from pipeline.stages.reducer import ReducerStage
 from pipeline.stages.source import SourceCount
 from pipeline.telemetry.track import pose_at
@@ -33,7 +33,7 @@ from pipeline.telemetry.track import pose_at
 class FinishedRun:
     """What a run leaves behind, before it is written.
 
-    pace: ``realtime``, ``max`` or ``local``. bytes_sent: per (stream, site). seconds: from first frame to last result.
+    pace: ``realtime``, ``max`` or ``local``. bytes_sent: per (stream, site). seconds: first frame to last result.
     """
 
     plan: Plan
@@ -47,7 +47,7 @@ class FinishedRun:
 def publish(prepared: PreparedMission, run: FinishedRun, out: Path) -> Summary:
     """Write the run directory, whole or not at all; the summary that was written."""
     fuser = run.reducer.fuser
-    locations = salient_locations(fuser)
+    locations = salient_locations(fuser.map, fuser.looks, prepared.mission.fusion)
     truth = load_truth(prepared.mission.truth, prepared.frame) if prepared.mission.truth else ()
     summary = _summary(prepared, run, locations, truth)
     schedule = gantt(prepared.problem, run.plan)
@@ -66,7 +66,10 @@ def publish(prepared: PreparedMission, run: FinishedRun, out: Path) -> Summary:
 
 
 def _summary(
-    prepared: PreparedMission, run: FinishedRun, locations: tuple[SalientLocation, ...], truth: Sequence[TruePerson]
+    prepared: PreparedMission,
+    run: FinishedRun,
+    locations: tuple[SalientLocation, ...],
+    truth: Sequence[TruePerson],
 ) -> Summary:
     video_s = max(s.video.duration_s for s in prepared.streams)
     durations = {s.stream: s.video.duration_s for s in prepared.streams}

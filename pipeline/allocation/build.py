@@ -30,7 +30,7 @@ def build_problem(
     Raises InputError for a machine type without times, a detector without a machine, a stream without a link,
     bitrates that no link carries, and when no detector is fast enough.
     """
-    machines = tuple(machine for machine, _ in _machines(inventory, where))
+    machines = tuple(machine for machine, _ in _machines(inventory))
     _check_types(inventory, pool, where)
     links = _links(streams, inventory, where)
     bitrates = _bitrates(processing, links, where)
@@ -71,18 +71,11 @@ def accuracy_at(points: tuple[AccuracyAt, ...], bitrate_bps: float) -> float:
     )
 
 
-def _machines(inventory: Inventory, where: Path) -> Iterator[tuple[MachineLimit, str]]:
+def _machines(inventory: Inventory) -> Iterator[tuple[MachineLimit, str]]:
     """Every machine, each copy by its own name, with its type."""
-    seen: set[str] = set()
     for site in inventory.sites:
         for machine in site.machines:
-            for number in range(1, machine.count + 1):
-                name = machine.id if number == 1 else f"{machine.id}-{number}"
-                if name in seen:
-                    raise InputError(
-                        f"{where} inventory.sites.{site.id}.machines", f"two machines {name!r}", "another id"
-                    )
-                seen.add(name)
+            for name in machine.names:
                 yield MachineLimit(name, site.id, machine.memory), machine.type
 
 
@@ -130,8 +123,6 @@ def _bitrates(
     """B: the levels that are not above every link (the paper's max_link_bw), ascending."""
     field = f"{where} processing.bitrates"
     for bitrate in processing.bitrates:
-        if not 0.0 < bitrate < math.inf:
-            raise InputError(field, f"{bitrate:g} bps", "bitrates above 0 and finite")
         if processing.bitrates.count(bitrate) > 1:
             raise InputError(field, f"{bitrate:g} bps twice", "each bitrate once")
     widest = max(links.values())
@@ -150,10 +141,12 @@ def _detectors(
 ) -> tuple[Detector, ...]:
     """getDetectors of Algorithm det_ass: every network on every machine where it is fast enough."""
     limit_s = max_frame_time_s(processing)
-    accuracies = {d.id: tuple(_accuracy(d, bitrate, where) for bitrate in bitrates) for d in pool.detectors}
+    accuracies = {
+        d.id: tuple(accuracy_at(d.accuracy, bitrate) for bitrate in bitrates) for d in pool.detectors
+    }
     timed = [
         (network, machine, time.mean if time.maximum is None else time.maximum)
-        for machine, kind in _machines(inventory, where)
+        for machine, kind in _machines(inventory)
         for network in pool.detectors
         for time in network.times
         if time.machine == kind
@@ -174,14 +167,6 @@ def _detectors(
         for network, machine, time_s in timed
         if time_s <= limit_s + _ROUNDING
     )
-
-
-def _accuracy(network: PoolDetector, bitrate: float, where: Path) -> float:
-    field = f"{where} pool.detectors.{network.id}.accuracy"
-    bitrates = [point.bitrate for point in network.accuracy]
-    if not all(0.0 < b < math.inf for b in bitrates) or len(set(bitrates)) < len(bitrates):
-        raise InputError(field, f"bitrates {bitrates} bps", "different bitrates, above 0 and finite")
-    return accuracy_at(network.accuracy, bitrate)
 
 
 def _refuse_slow(

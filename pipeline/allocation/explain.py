@@ -43,18 +43,23 @@ def explain(
     """
     if _feasibility(problem, solve, time_limit_s).assignments:
         raise ValueError("the problem has a plan")
-    clash, decided = _clash(problem, solve, time_limit_s)
+    clash, decided = clashing_limits(problem, solve=solve, time_limit_s=time_limit_s)
     if not clash:
-        return f"no plan: {_too_slow(problem)}"
+        return _too_slow(problem)
     names = [limit.name for limit in clash[:_MOST_NAMES]]
     if len(clash) > _MOST_NAMES:
-        names.append(f"and {len(clash) - _MOST_NAMES} more of the kind")
+        names.append(f"and {len(clash) - _MOST_NAMES} more")
     doubt = "" if decided else " (perhaps fewer of them: the search ran out of time)"
-    return f"no plan: these limits cannot hold together: {'; '.join(names)}{doubt}"
+    return f"these limits cannot hold together: {'; '.join(names)}{doubt}"
 
 
-def _clash(problem: Problem, solve: Solve, time_limit_s: float) -> tuple[list[Limit], bool]:
-    """The deletion filter: a limit that can be lifted while there is still no plan is not to blame."""
+def clashing_limits(
+    problem: Problem, *, solve: Solve = literal.solve, time_limit_s: float = RELAXATION_TIME_LIMIT_S
+) -> tuple[list[Limit], bool]:
+    """The minimal set of ``explain``, and whether it is proven; empty if lifting every limit would not help.
+
+    The deletion filter: a limit that can be lifted while there is still no plan is not to blame.
+    """
     kept: list[Limit] = []
     decided = True
     for limit in limits(problem):

@@ -51,7 +51,7 @@ def _draw_stream(axes: Axes, stream: str, assigned: list[Assignment], problem: P
         _draw_row(axes, row, a, problem, frames)
     labels = [f"{a.pool_detector}\n{a.machine}, {a.bitrate_bps / 1e6:g} Mbps" for a in assigned]
     axes.set_yticks(range(len(assigned)), labels, fontsize=7)
-    axes.set_ylim(len(assigned) - 0.5, -0.5)
+    axes.set_ylim(max(1, len(assigned)) - 0.5, -0.5)
     axes.set_xlim(-0.5, frames)
     axes.set_title(stream, loc="left", fontsize=9)
     axes.grid(axis="x", linewidth=0.4, alpha=0.5)

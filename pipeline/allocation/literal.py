@@ -22,9 +22,12 @@ from ortools.sat.python import cp_model
 
 from pipeline.allocation.plan import Assignment, Plan, Status, objective
 from pipeline.allocation.problem import MachineLimit, Problem
+from pipeline.errors import NoPlanError
 
 OBJECTIVE_RESOLUTION = 1e-9
 MEMORY_RESOLUTION_BYTES = 1000.0
+#: four times the paper's largest instance
+MAX_VARIABLES = 3_000_000
 _UNLIMITED = 2**62
 
 _STATUS: dict[cp_model.CpSolverStatus, Status] = {
@@ -63,16 +66,22 @@ def number_of_constraints(problem: Problem) -> int:
 
 
 def solve(problem: Problem, *, time_limit_s: float, workers: int = 1, seed: int = 0) -> Plan:
-    """The best plan.
+    """The best plan. The same problem gives the same plan, unless the time limit ends the search.
 
-    With one worker the same problem and seed give the same plan, unless the time limit ends the search. With more,
-    luck decides which of several equal optima is found, so a run that must be repeatable takes one.
+    More than one worker take turns in a fixed order, since else luck would decide which of several equal
+    optima is found. One worker is usually the fastest. Raises NoPlanError for a model of over MAX_VARIABLES.
     """
+    if number_of_variables(problem) > MAX_VARIABLES:
+        raise NoPlanError(
+            f"the integer program would have {number_of_variables(problem)} variables, more than "
+            f"{MAX_VARIABLES}: its cycle has {problem.cycle} frames; lower detectors_per_stream"
+        )
     start = time.perf_counter()
     literal = build_model(problem)
     solver = cp_model.CpSolver()
     solver.parameters.max_time_in_seconds = time_limit_s
     solver.parameters.num_workers = workers
+    solver.parameters.interleave_search = workers > 1
     solver.parameters.random_seed = seed
     solver.parameters.relative_gap_limit = 0.0
     solver.parameters.absolute_gap_limit = 0.0

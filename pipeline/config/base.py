@@ -134,15 +134,18 @@ def _input_error(path: Path, node: yaml.Node, fault: ErrorDetails) -> InputError
     if fault["type"] == _MISMATCH:
         return InputError(where, _one_line(context["found"]), _one_line(context["expected"]))
     if fault["type"] == "missing":
-        return InputError(where, "nothing", "a value for this key")
+        return InputError(where, "nothing", "a value")
     if fault["type"] == "string_pattern_mismatch":
         return InputError(where, _short(fault["input"]), f"text of the pattern {context['pattern']}")
+    if fault["type"] in ("model_type", "model_attributes_type"):
+        return InputError(where, _short(fault["input"]), "keys and values")
     return InputError(where, _short(fault["input"]), _expected(fault["msg"]))
 
 
 def _expected(message: str) -> str:
     message = re.sub(r"^(Value error, )?(expected )?", "", message)
     message = re.sub(r"^(Input|String|Tuple|List|Dictionary|Value) should (be |have )?", "", message)
+    message = re.sub(r" after validation, not \d+$", "", message)
     return message[:1].lower() + message[1:]
 
 

@@ -59,7 +59,9 @@ class Inventory(Strict):
         sites = [site.id for site in self.sites]
         for number, link in enumerate(self.links):
             if link.site not in sites:
-                raise mismatch(repr(link.site), "one of the sites " + ", ".join(sites), ("links", number, "site"))
+                raise mismatch(
+                    repr(link.site), "one of the sites " + ", ".join(sites), ("links", number, "site")
+                )
         return self
 
     def _refuse_repeated_machines(self) -> None:

@@ -80,9 +80,13 @@ class ObjectSize(Strict):
     @model_validator(mode="after")
     def _ordered(self) -> ObjectSize:
         if self.width_min >= self.width_max:
-            raise mismatch(f"{self.width_min:g} m", f"less than width_max, {self.width_max:g} m", ("width_min",))
+            raise mismatch(
+                f"{self.width_min:g} m", f"less than width_max, {self.width_max:g} m", ("width_min",)
+            )
         if self.height_min >= self.height_max:
-            raise mismatch(f"{self.height_min:g} m", f"less than height_max, {self.height_max:g} m", ("height_min",))
+            raise mismatch(
+                f"{self.height_min:g} m", f"less than height_max, {self.height_max:g} m", ("height_min",)
+            )
         return self
 
 
@@ -97,8 +101,8 @@ class Fusion(Strict):
     object_size: ObjectSize
     threshold: Fraction
     cluster_distance: PositiveMeters
-    clamp_min: float = Field(default=0.1192, gt=0.0, lt=0.5)
-    clamp_max: float = Field(default=0.971, gt=0.5, lt=1.0)
+    clamp_min: float = Field(default=0.1192, ge=0.0, lt=0.5)
+    clamp_max: float = Field(default=0.971, gt=0.5, le=1.0)
     lateness: PositiveSeconds
 
     @model_validator(mode="after")

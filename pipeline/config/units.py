@@ -28,18 +28,22 @@ def _quantity(units: dict[str, float], low: float, high: float) -> Callable[[Any
         ((unit, number),) = value.items()
         if unit not in units:
             raise mismatch(f"the unit {unit!r}", choices)
-        if isinstance(number, bool) or not isinstance(number, int | float) or math.isnan(number):
-            raise ValueError(f"expected a number of {unit}")
-        try:
-            result = float(number) * units[unit]
-        except OverflowError:
-            raise ValueError(f"expected a number of {unit} that fits a float") from None
+        result = _number(number, unit) * units[unit]
         if not low <= result <= high:
             side, bound = ("at least", low) if result < low else ("at most", high)
             raise ValueError(f"expected {side} {{{unit}: {bound / units[unit]:g}}}")
         return result
 
     return parse
+
+
+def _number(value: Any, unit: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or value != value:
+        raise ValueError(f"expected a number of {unit}")
+    try:
+        return float(value)
+    except OverflowError:
+        raise ValueError(f"expected a number of {unit} that fits a float") from None
 
 
 _INF = math.inf

@@ -2,11 +2,13 @@
 
 Readings taken where the paper is open:
 
-- The area component compares *areas*: the window's lower and upper ends are ``bbox_w * bbox_h`` of the least and of the
-  greatest object at the distance of the hit, and the box's area is its place in the window.
-- ``max_distance`` is where the least object's box has shrunk to SMALLEST_BOX_PX on a side (its geometric mean): the
-  equation of the box size, solved for the distance, needs a size in pixels that the paper does not name.
-- Boxes are in pixels of the calibrated picture, so the ratio input / calibration of the box size equation is 1 in a run.
+- The area component compares *areas*: the window's lower and upper ends are ``bbox_w * bbox_h`` of the least
+  and of the greatest object at the distance of the hit, and the box's area is its place in the window.
+- ``max_distance`` is where the least object's box has shrunk to SMALLEST_BOX_PX on a side (its geometric
+  mean): the equation of the box size, solved for the distance, needs a size in pixels that the paper does not
+  name.
+- Boxes are in pixels of the calibrated picture, so the ratio input / calibration of the box size equation is
+  1 in a run.
 """
 
 from __future__ import annotations
@@ -19,7 +21,8 @@ from pipeline.config.mission import Fusion
 from pipeline.geo.camera import Camera
 from pipeline.messages import FloatArray
 
-#: Side of the smallest box that a detector can find, pixels: one cell of a network's finest usual feature map (stride 4).
+#: Side of the smallest box that a detector can find, pixels: one cell of a network's finest usual feature map
+#: (stride 4).
 SMALLEST_BOX_PX = 4.0
 
 

@@ -7,58 +7,84 @@ import math
 import numba
 import numpy as np
 
+#: Distance of the samples along an azimuth, cells.
+STEP = 0.5
 
-@numba.njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
-def sweep(
-    heights, position, first_azimuth, azimuth_step, azimuths, near, far, step, toward_camera, lens, stamps, corner, cells
-):  # type: ignore[no-untyped-def]
+
+@numba.njit(cache=True, error_model="numpy")
+def sweep(heights, position, outline, azimuths, far, drop, stamps, corner, cells):  # type: ignore[no-untyped-def]
     """Walk outward along each azimuth and keep what rises above the horizon so far and lies in the picture.
 
-    heights: (rows, columns), NaN unknown. position: (3,) camera; x and y in cells from the grid's corner, z in metres.
-    near, far, step: horizontal, cells. toward_camera: (3, 3), columns: camera-frame metres per cell east, per cell north and
-    per metre up. lens: see in_picture. stamps: uint8 window, zero, whose cell (0, 0) is the grid's cell corner (2,);
-    cells: int64 (>= stamps.size, 2), gets row and column of each seen cell once. Returns how many.
+    heights: (rows, columns), NaN unknown. position: (3,) camera; x and y in cells from the grid's corner, z
+    in metres. outline: (N, 3) directions around the picture, metres per cell of horizontal way. azimuths:
+    (M,) radians from north. far: horizontal reach, cells. drop: metres from the camera down to the highest
+    cell, 0 if the camera is lower. stamps: uint8 window, zero, whose cell (0, 0) is the grid's cell corner
+    (2,); cells: int64 (stamps.size, 2), gets row and column of each seen cell once. Returns how many.
     """
     rows, columns = heights.shape
     found = 0
-    for i in range(azimuths):
-        azimuth = first_azimuth + i * azimuth_step
-        east, north = math.sin(azimuth), math.cos(azimuth)
-        start, end = _clip(position[0], east, columns, near, far)
+    for i in range(azimuths.size):
+        east, north = math.sin(azimuths[i]), math.cos(azimuths[i])
+        horizon, top = slopes(outline, east, north)
+        start = -drop / horizon if horizon < 0.0 else 0.0  # nearer, the picture is above the highest cell
+        start, end = _clip(position[0], east, columns, start, far)
         start, end = _clip(position[1], north, rows, start, end)
-        ax = east * toward_camera[0, 0] + north * toward_camera[0, 1]
-        ay = east * toward_camera[1, 0] + north * toward_camera[1, 1]
-        az = east * toward_camera[2, 0] + north * toward_camera[2, 1]
-        horizon = -np.inf
-        k = math.ceil(start / step - 0.5)
-        t = (k + 0.5) * step
-        while t < end:
+        t = (math.ceil(start / STEP - 0.5) + 0.5) * STEP
+        while t < end and horizon < top:
             x, y = position[0] + t * east, position[1] + t * north
-            up = surface(heights, x, y) - position[2]
-            slope = up / t
+            slope = (surface(heights, x, y) - position[2]) / t
             if slope > horizon:
                 horizon = slope
-                r = min(int(y), rows - 1)
-                c = min(int(x), columns - 1)
-                if stamps[r - corner[0], c - corner[1]] == 0:
-                    px = t * ax + up * toward_camera[0, 2]
-                    py = t * ay + up * toward_camera[1, 2]
-                    pz = t * az + up * toward_camera[2, 2]
-                    if in_picture(px, py, pz, lens):
-                        stamps[r - corner[0], c - corner[1]] = 1
-                        cells[found, 0] = r
-                        cells[found, 1] = c
-                        found += 1
-            k += 1
-            t = (k + 0.5) * step
+                r, c = min(int(y), rows - 1), min(int(x), columns - 1)
+                if slope <= top and stamps[r - corner[0], c - corner[1]] == 0:
+                    stamps[r - corner[0], c - corner[1]] = 1
+                    cells[found, 0], cells[found, 1] = r, c
+                    found += 1
+            t += STEP
     return found
 
 
-@numba.njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@numba.njit(cache=True, error_model="numpy")
+def slopes(outline, east, north):  # type: ignore[no-untyped-def]
+    """Least and greatest slope (up over away) at which the picture is cut by the half-plane of one azimuth.
+
+    outline: (N, 3) directions around the picture, in order. east, north: unit azimuth. Infinite where the
+    picture holds the pole that the half-plane turns about; (inf, -inf) if the half-plane misses the picture.
+    """
+    low, high = np.inf, -np.inf
+    up_behind, down_behind = False, False
+    n = outline.shape[0]
+    for i in range(n):
+        j = i + 1 if i + 1 < n else 0
+        a = outline[i, 0] * north - outline[i, 1] * east
+        b = outline[j, 0] * north - outline[j, 1] * east
+        if (a < 0.0) == (b < 0.0):
+            continue
+        share = a / (a - b)
+        ahead_a = outline[i, 0] * east + outline[i, 1] * north
+        ahead_b = outline[j, 0] * east + outline[j, 1] * north
+        ahead = ahead_a + share * (ahead_b - ahead_a)
+        up = outline[i, 2] + share * (outline[j, 2] - outline[i, 2])
+        if ahead > 0.0:
+            low, high = min(low, up / ahead), max(high, up / ahead)
+        elif up > 0.0:
+            up_behind = True
+        else:
+            down_behind = True
+    if low <= high and down_behind:
+        low = -np.inf
+    if low <= high and up_behind:
+        high = np.inf
+    return low, high
+
+
+@numba.njit(cache=True, error_model="numpy")
 def observe(heights, position, cell_m, toward_camera, lens, boxes, max_distance, cells, distances):  # type: ignore[no-untyped-def]
     """Keep the cells whose centre is within max_distance (metres) and in no box (M, 4); in place, order kept.
 
-    distances: float64, gets the distance of each kept cell's centre, metres. Returns how many.
+    toward_camera: (3, 3), columns: camera-frame metres per cell east, per cell north and per metre up. lens:
+    (9,) fx, fy, cx, cy, k1, k2, p1, p2, k3. distances: float64, gets the distance of each kept cell's centre,
+    metres. Returns how many.
     """
     kept = 0
     for i in range(cells.shape[0]):
@@ -81,9 +107,9 @@ def observe(heights, position, cell_m, toward_camera, lens, boxes, max_distance,
     return kept
 
 
-@numba.njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@numba.njit(cache=True, error_model="numpy")
 def surface(heights, x, y):  # type: ignore[no-untyped-def]
-    """Terrain.height inside the grid, x and y in cells from its corner: bilinear between centres, level in the outer half cell."""
+    """Terrain.height at x and y, cells from the grid's corner: bilinear, level in the outer half cell."""
     rows, columns = heights.shape
     x, y = min(max(x - 0.5, 0.0), columns - 1.0), min(max(y - 0.5, 0.0), rows - 1.0)
     c, r = int(x), int(y)
@@ -94,16 +120,7 @@ def surface(heights, x, y):  # type: ignore[no-untyped-def]
     return low + (high - low) * fy
 
 
-@numba.njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
-def in_picture(x, y, z, lens):  # type: ignore[no-untyped-def]
-    """Whether a camera-frame point lies in the picture. lens: (12,) fx, fy, cx, cy, width, height, k1, k2, p1, p2, k3, r2_max."""
-    if z <= 1e-9:
-        return False
-    u, v = _pixel(x / z, y / z, lens)
-    return 0.0 <= u < lens[4] and 0.0 <= v < lens[5]
-
-
-@numba.njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@numba.njit(cache=True, error_model="numpy")
 def _in_a_box(x, y, z, lens, boxes):  # type: ignore[no-untyped-def]
     if z <= 1e-9:
         return False
@@ -114,18 +131,16 @@ def _in_a_box(x, y, z, lens, boxes):  # type: ignore[no-untyped-def]
     return False
 
 
-@numba.njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@numba.njit(cache=True, error_model="numpy")
 def _pixel(x, y, lens):  # type: ignore[no-untyped-def]
     r2 = x * x + y * y
-    if r2 > lens[11]:  # beyond the picture's corners the distortion polynomial may fold back into the picture
-        return np.nan, np.nan
-    radial = 1.0 + r2 * (lens[6] + r2 * (lens[7] + r2 * lens[10]))
-    u = x * radial + 2.0 * lens[8] * x * y + lens[9] * (r2 + 2.0 * x * x)
-    v = y * radial + lens[8] * (r2 + 2.0 * y * y) + 2.0 * lens[9] * x * y
+    radial = 1.0 + r2 * (lens[4] + r2 * (lens[5] + r2 * lens[8]))
+    u = x * radial + 2.0 * lens[6] * x * y + lens[7] * (r2 + 2.0 * x * x)
+    v = y * radial + lens[6] * (r2 + 2.0 * y * y) + 2.0 * lens[7] * x * y
     return u * lens[0] + lens[2], v * lens[1] + lens[3]
 
 
-@numba.njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@numba.njit(cache=True, error_model="numpy")
 def _clip(position, direction, cells, start, end):  # type: ignore[no-untyped-def]
     """The part of start..end on which position + t * direction lies in 0..cells."""
     if abs(direction) < 1e-12:

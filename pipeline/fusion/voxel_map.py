@@ -25,12 +25,12 @@ def log_odds(probability: FloatArray) -> FloatArray:
 class VoxelMap:
     """Evidence on the surface cells of a terrain; OctoMap's additive update with clamping.
 
-    log_odds: float32 (rows, columns), 0 where nothing is known. observations: int32 (rows, columns), number of updates.
-    The result of a series of updates depends on their order, because each is clamped.
+    log_odds: float32 (rows, columns), 0 where nothing is known. observations: int32 (rows, columns), number
+    of updates. The result of a series of updates depends on their order, because each is clamped.
     """
 
     def __init__(self, terrain: Terrain, clamp_min: float, clamp_max: float) -> None:
-        """clamp_min, clamp_max: the least and greatest probability of a voxel. Raises InputError if they do not hold 0.5."""
+        """clamp_min, clamp_max: least and greatest probability of a voxel; InputError if 0.5 is not between."""
         if not 0.0 <= clamp_min < 0.5 < clamp_max <= 1.0:
             raise InputError(
                 "fusion.clamp_min, clamp_max", f"{clamp_min:g} and {clamp_max:g}", "0 <= min < 0.5 < max <= 1"
@@ -50,7 +50,8 @@ class VoxelMap:
     def update(self, rows: NDArray[np.int64], columns: NDArray[np.int64], delta: FloatArray) -> None:
         """L(n|z_1:t) = L(n|z_1:t-1) + L(n|z_t), clamped (eq:voxelloupdate).
 
-        rows, columns: int64 (N,), valid cells. delta: float64 (N,) log-odds. A cell named twice is updated twice, in order.
+        rows, columns: int64 (N,), valid cells. delta: float64 (N,) log-odds. A cell named twice is updated
+        twice, in order.
         """
         add_clamped(self.log_odds, self.observations, rows, columns, delta, self._low, self._high)
 

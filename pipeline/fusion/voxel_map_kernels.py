@@ -5,7 +5,7 @@ from __future__ import annotations
 import numba
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True)
 def add_clamped(log_odds, observations, rows, columns, delta, low, high):  # type: ignore[no-untyped-def]
     """Add delta (N,) to the cells, one after the other, each sum clamped to low..high."""
     for i in range(rows.size):

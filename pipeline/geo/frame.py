@@ -1,7 +1,8 @@
 """The mission's local map frame.
 
-x east, y north (a transverse Mercator on WGS84 with its origin at the mission and k_0 = 1), z the height above the
-terrain's datum. Within 5 km of the origin its scale is true to 4e-7, and its axes are east and north.
+x east, y north (a transverse Mercator on WGS84 with its origin at the mission and k_0 = 1), z the height
+above the terrain's datum. Within 5 km of the origin its scale is true to 4e-7, and its axes are east and
+north.
 """
 
 from __future__ import annotations

@@ -18,9 +18,10 @@ from pipeline.messages import FloatArray
 
 @dataclass(frozen=True, eq=False)
 class Terrain:
-    """heights_m: float32 (rows, columns), NaN where unknown; row 0 is the *south* edge, column 0 the west edge.
+    """heights_m: float32 (rows, columns), NaN where unknown; row 0 is the *south* edge, column 0 the west.
 
-    Cell (r, c) covers east_m + c * cell_m .. + cell_m, north_m + r * cell_m .. + cell_m; its height is that of its centre.
+    Cell (r, c) covers east_m + c * cell_m .. + cell_m, north_m + r * cell_m .. + cell_m; its height is that
+    of its centre.
     """
 
     frame: LocalFrame
@@ -124,7 +125,7 @@ def _open(path: Path) -> rasterio.DatasetReader:
     return source
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True)
 def _bilinear(heights, x, y):  # type: ignore[no-untyped-def]
     rows, columns = heights.shape
     if not (-0.5 <= x <= columns - 0.5 and -0.5 <= y <= rows - 0.5):
@@ -138,7 +139,7 @@ def _bilinear(heights, x, y):  # type: ignore[no-untyped-def]
     return low * (1 - fy) + high * fy
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True)
 def _march(heights, east, north, cell, origin, direction, reach):  # type: ignore[no-untyped-def]
     step = 0.25 * cell
     before, t = 0.0, 0.0

@@ -1,4 +1,7 @@
-"""Messages over TCP between sites: a sender that keeps to its radio's bandwidth, a receiver that can hold it up."""
+"""Messages over TCP between sites.
+
+A sender that keeps to its radio's bandwidth, and a receiver that can hold it up.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 
 from pipeline.errors import ProtocolError
 from pipeline.link import handshake
@@ -24,9 +28,9 @@ _CHUNK_BYTES = (1024, 64 * 1024)
 class Receiver:
     """Listens; hands each message to on_message, in the order of its connection, on that connection's thread.
 
-    on_message may block: then the senders are held up, since nothing is read meanwhile. If it raises, the connection
-    is closed and the exception kept in ``error``. Peers without the token and bytes that are no message close their
-    connection and are counted in ``rejected``.
+    on_message may block: then its sender is held up, since nothing is read meanwhile. If it raises, the
+    connection is closed and the exception kept in ``error``. A peer without the token or with bytes that
+    are no message loses its connection and is counted in ``rejected``.
     """
 
     def __init__(
@@ -99,10 +103,11 @@ class Receiver:
 class LinkSender:
     """One radio link, shared by the connections that run over it: one queue, one thread, one bucket.
 
-    bucket: the link's bandwidth; of an infinite rate for none. capacity_bytes: how much may wait; a larger message
-    is taken when nothing else waits. Messages leave in the order of their sending whatever their connection, in
-    chunks of about 10 ms, and their length prefixes are paid for too. A receiver that does not read holds up the
-    whole link. clock, sleep: seconds.
+    bucket: the link's bandwidth; of an infinite rate for no limit. capacity_bytes: how much may wait; a
+    larger message is taken when nothing else waits. clock, sleep: seconds. Messages leave in the order of
+    their sending, whatever their connection, in chunks of about 10 ms; their length prefixes are paid for
+    too. A receiver that does not read holds up the whole link. ``bytes_sent``: on the wire. ``lost``:
+    messages taken by send whose connection broke before all of their bytes were written.
     """
 
     def __init__(
@@ -114,12 +119,13 @@ class LinkSender:
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
         self.bytes_sent = 0
+        self.lost = 0
         self._bucket, self._capacity_bytes = bucket, capacity_bytes
         self._clock, self._sleep = clock, sleep
         self._chunk_bytes = _chunk_bytes(bucket)
         self._connections: dict[str, socket.socket] = {}
         self._broken: dict[str, OSError] = {}
-        self._queue: deque[tuple[str, bytes]] = deque()
+        self._queue: deque[tuple[str, socket.socket, bytes]] = deque()
         self._waiting_bytes = 0  # of the queue and of the message on its way
         self._closed = False
         self._changed = threading.Condition()
@@ -151,19 +157,21 @@ class LinkSender:
             former.close()
 
     def send(self, name: str, message: Message, timeout_s: float | None = None) -> bool:
-        """Queue a message. Blocks while the queue is full, at most timeout_s (None: for ever); False: no room.
+        """Queue a message; False if there is no room.
 
-        Raises ConnectionError if the connection is broken; what was queued on it is lost. Raises ProtocolError for
-        a message larger than a receiver takes.
+        Blocks while the queue is full, at most timeout_s (None: for ever; 0: not at all). Raises
+        ConnectionError if the connection is known to be broken, and messages before this one may be lost;
+        ProtocolError for a message larger than a receiver takes.
         """
         data = frame(pack(message))
         with self._changed:
             self._changed.wait_for(lambda: self._unusable(name) or self._has_room(len(data)), timeout_s)
             if self._unusable(name):
-                raise ConnectionError(f"link {name!r}: {self._broken.get(name, 'closed')}")
+                reason = "closed" if self._closed else self._broken.get(name, "not connected")
+                raise ConnectionError(f"link {name!r}: {reason}")
             if not self._has_room(len(data)):
                 return False
-            self._queue.append((name, data))
+            self._queue.append((name, self._connections[name], data))
             self._waiting_bytes += len(data)
             self._changed.notify_all()
         return True
@@ -176,7 +184,8 @@ class LinkSender:
     def flush(self, timeout_s: float | None = None) -> bool:
         """Wait until nothing waits; False if the time is up before."""
         with self._changed:
-            return self._changed.wait_for(lambda: self._waiting_bytes == 0 or self._closed, timeout_s)
+            self._changed.wait_for(lambda: self._waiting_bytes == 0 or self._closed, timeout_s)
+            return self._waiting_bytes == 0
 
     def close(self) -> None:
         """Close all connections; what still waits is thrown away (flush first)."""
@@ -197,31 +206,35 @@ class LinkSender:
 
     def _drain(self) -> None:
         while (item := self._next()) is not None:
-            name, data = item
+            name, connection, data = item
+            error = None
             try:
-                self._transmit(name, data)
-            except OSError as error:
-                self._broken[name] = error
+                _require_open(connection)
+                self._transmit(connection, data)
+            except OSError as caught:
+                error = caught
             with self._changed:
                 self._waiting_bytes -= len(data)
+                if error is not None:
+                    self.lost += 1
+                    if self._connections[name] is connection:
+                        self._broken.setdefault(name, error)
                 self._changed.notify_all()
 
-    def _next(self) -> tuple[str, bytes] | None:
+    def _next(self) -> tuple[str, socket.socket, bytes] | None:
         with self._changed:
             self._changed.wait_for(lambda: self._queue or self._closed)
             return None if self._closed else self._queue.popleft()
 
-    def _transmit(self, name: str, data: bytes) -> None:
+    def _transmit(self, connection: socket.socket, data: bytes) -> None:
         view = memoryview(data)
         for start in range(0, len(data), self._chunk_bytes):
-            if name in self._broken or self._closed:
-                return
             chunk = view[start : start + self._chunk_bytes]
             now_s = self._clock()
             delay_s = self._bucket.reserve(len(chunk), now_s) - now_s
             if delay_s > 0.0:
                 self._sleep(delay_s)
-            self._connections[name].sendall(chunk)
+            connection.sendall(chunk)
             self.bytes_sent += len(chunk)
 
 
@@ -239,9 +252,17 @@ def _chunk_bytes(bucket: TokenBucket) -> int:
     return max(1, int(min(wanted, bucket.burst_bytes)))
 
 
+def _require_open(connection: socket.socket) -> None:
+    """Raises OSError if the receiver has closed the connection; a write would succeed once more."""
+    try:
+        # a receiver never sends: there is nothing to read but the end
+        connection.recv(1, socket.MSG_PEEK | socket.MSG_DONTWAIT)
+    except BlockingIOError:
+        return
+    raise ConnectionResetError("closed by the receiver")
+
+
 def _shut_down(endpoint: socket.socket) -> None:
     """Wake whoever blocks on a socket; closing it alone would not."""
-    try:
+    with suppress(OSError):  # not connected any more
         endpoint.shutdown(socket.SHUT_RDWR)
-    except OSError:  # not connected any more
-        pass

@@ -11,9 +11,9 @@ class TokenBucket:
     rate_bps: bits per second, > 0, infinite for no limit. burst_bytes: >= 1. Who really sleeps oversleeps, by
     milliseconds; the rate is reached if the burst holds more than that of it.
 
-    The state is one number, the time at which the bucket is full again (the "theoretical arrival time" of the
-    generic cell rate algorithm): n bytes move it by n / rate, and are complete once it is at most burst / rate
-    ahead.
+    The state is one number, the time at which the bucket is full again (the "theoretical arrival time"
+    of the generic cell rate algorithm): n bytes move it by n / rate, and are complete once it is at most
+    burst / rate ahead.
     """
 
     def __init__(self, rate_bps: float, burst_bytes: float) -> None:

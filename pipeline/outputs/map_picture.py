@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from pipeline.fusion.salient import SalientLocation
 from pipeline.fusion.voxel_map import VoxelMap
 from pipeline.messages import FloatArray
-from pipeline.outputs.saliency_tif import probability
 from pipeline.outputs.truth import TruePerson
 
 #: Okabe and Ito's colours that stay apart from each other and from the probability's, also for the colour-blind
@@ -119,8 +118,8 @@ def _draw_ground(axes: Axes, voxel_map: VoxelMap, window: Window) -> None:
 
 
 def _draw_probability(figure: Figure, axes: Axes, voxel_map: VoxelMap, window: Window) -> None:
-    shown = probability(voxel_map.log_odds[window])
-    shown = _block_max(np.where(voxel_map.observations[window] > 0, shown, np.nan))
+    observed = voxel_map.observations[window] > 0
+    shown = _block_max(np.where(observed, voxel_map.probability()[window], np.nan))
     colors, scale = _colors(), Normalize(0.0, 1.0)
     axes.imshow(
         colors(scale(np.ma.masked_invalid(shown))),
@@ -196,7 +195,9 @@ def _draw_scale_and_north(axes: Axes) -> None:
     length_m = _round_length_m(0.22 * (east - west))
     x, y = west + 0.03 * (east - west), south + 0.03 * (north - south)
     halo = [patheffects.withStroke(linewidth=6, foreground="white")]
-    axes.plot([x, x + length_m], [y, y], color="black", lw=3, solid_capstyle="butt", path_effects=halo, zorder=8)
+    axes.plot(
+        [x, x + length_m], [y, y], color="black", lw=3, solid_capstyle="butt", path_effects=halo, zorder=8
+    )
     axes.annotate(
         f"{length_m:g} m",
         (x + length_m / 2, y),

@@ -26,7 +26,7 @@ class ReportData:
     """What the report shows.
 
     tracks: positions of each drone, stream -> float64 (N, >=2), ENU metres. truth: empty where it is not known.
-    schedule: the Gantt picture of the plan. evidence: (id of the found place, PNG of the picture it was seen in).
+    schedule: the Gantt picture of the plan (gantt). evidence: (id of the found place, PNG of the picture it was seen in).
     """
 
     summary: Summary
@@ -53,9 +53,15 @@ def render_report(data: ReportData) -> str:
         lstrip_blocks=True,
     )
     environment.filters.update(
-        iso=iso_utc, clock=clock_utc, png=_data_uri, rate=_rate, milliseconds=_milliseconds, percent=_percent
+        iso=iso_utc,
+        clock=clock_utc,
+        png=_data_uri,
+        geo=_geo_uri,
+        rate=_rate,
+        milliseconds=_milliseconds,
+        percent=_percent,
     )
-    places = [place for place in summary.locations]
+    places = summary.locations
     return environment.get_template("report.html.j2").render(
         summary=summary,
         places=places,
@@ -90,6 +96,11 @@ def _count(number: int, one: str, many: str = "") -> str:
 
 def _data_uri(picture: bytes) -> Markup:
     return Markup("data:image/png;base64,{}").format(base64.b64encode(picture).decode("ascii"))
+
+
+def _geo_uri(place: SalientLocation) -> str:
+    """RFC 5870: phones open their map on it, offline too."""
+    return f"geo:{place.latitude_deg:.7f},{place.longitude_deg:.7f}"
 
 
 def _rate(bps: float) -> str:

@@ -50,12 +50,7 @@ def write_saliency(path: Path, voxel_map: VoxelMap) -> None:
 
 def saliency_bands(voxel_map: VoxelMap) -> NDArray[np.float32]:
     """The three bands, float32 (3, rows, columns), row 0 the north edge."""
-    log_odds = voxel_map.log_odds
-    bands = np.stack([probability(log_odds), log_odds, voxel_map.observations]).astype(np.float32)
+    known = [voxel_map.probability(), voxel_map.log_odds, voxel_map.observations]
+    bands = np.stack(known).astype(np.float32)
     bands[:, np.isnan(voxel_map.terrain.heights_m)] = np.nan
     return bands[:, ::-1]
-
-
-def probability(log_odds: NDArray[np.float32]) -> NDArray[np.float64]:
-    """1 / (1 + exp(-log_odds)), float64, without overflow."""
-    return 0.5 * (1.0 + np.tanh(0.5 * log_odds.astype(np.float64)))

@@ -3,28 +3,26 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 from pipeline.fusion.salient import SalientLocation
 from pipeline.outputs.safe_write import write_text
+from pipeline.outputs.truth import TruthMatch
 from pipeline.outputs.utc import iso_utc
 
-_NO_DISTANCES: Mapping[int, float] = MappingProxyType({})
 # 8 decimals of a degree are about 1 mm
 _DEGREE_DECIMALS, _METER_DECIMALS = 8, 3
 
 
-def write_salient(
-    path: Path, locations: Sequence[SalientLocation], truth_distance_m: Mapping[int, float] = _NO_DISTANCES
-) -> None:
+def write_salient(path: Path, locations: Sequence[SalientLocation], match: TruthMatch | None = None) -> None:
     """Write one point per found place: longitude, latitude (WGS84, degrees), height (m above the terrain's datum).
 
-    truth_distance_m: horizontal distance to the true place, by the location's id, where it is known.
+    match: gives the horizontal distance to the true place as the property ``truth_distance_m``, where it is known.
     """
-    features = [_feature(location, truth_distance_m.get(location.id)) for location in locations]
+    distance_m = {} if match is None else match.distance_m
+    features = [_feature(location, distance_m.get(location.id)) for location in locations]
     collection = {"type": "FeatureCollection", "features": features}
     write_text(path, json.dumps(collection, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
 
@@ -36,6 +34,7 @@ def _feature(location: SalientLocation, truth_distance_m: float | None) -> dict[
         round(float(location.height_m), _METER_DECIMALS),
     )
     properties: dict[str, Any] = {
+        "class": location.class_name,
         "probability": round(float(location.probability), 6),
         "seen_from": iso_utc(location.first_seen_ns),
         "seen_to": iso_utc(location.last_seen_ns),

@@ -125,7 +125,12 @@ def summary_to_json(summary: Summary) -> dict[str, Any]:
 
 
 def _plan(plan: Plan) -> dict[str, Any]:
-    return {"status": plan.status, "objective": plan.objective, "gap": plan.gap, "assignments": len(plan.assignments)}
+    return {
+        "status": plan.status,
+        "objective": plan.objective,
+        "gap": plan.gap,
+        "assignments": len(plan.assignments),
+    }
 
 
 def _account(account: StreamAccount) -> dict[str, Any]:
@@ -168,6 +173,7 @@ def _link(link: LinkUse) -> dict[str, Any]:
 def _place(place: SalientLocation) -> dict[str, Any]:
     return {
         "id": place.id,
+        "class": place.class_name,
         "probability": round(float(place.probability), 6),
         "latitude_deg": round(float(place.latitude_deg), 8),
         "longitude_deg": round(float(place.longitude_deg), 8),
@@ -184,7 +190,8 @@ def _truth(match: TruthMatch) -> dict[str, Any]:
         "people": match.people,
         "radius_m": MATCH_RADIUS_M,
         "found": [
-            {"place": f.location, "person": f.person, "distance_m": round(f.distance_m, 3)} for f in match.found
+            {"place": f.location, "person": f.person, "distance_m": round(f.distance_m, 3)}
+            for f in match.found
         ],
         "missed": list(match.missed),
         "false": list(match.false),

@@ -69,7 +69,10 @@ def match_truth(
     The distance to somebody who walks is that to the nearest point of the whole track, at whatever time.
     """
     distances = np.array(
-        [[distance_to_track_m(place.position_enu, person.track_enu) for person in truth] for place in locations]
+        [
+            [distance_to_track_m(place.position_enu, person.track_enu) for person in truth]
+            for place in locations
+        ]
     ).reshape(len(locations), len(truth))
     # one pair too far costs more than all near pairs together, so the number of near pairs comes first
     too_far = (min(distances.shape) + 1) * max(radius_m, 1.0)

@@ -5,10 +5,9 @@ Body frame: x to the body's right, y forward, z up; the origin on the ground bel
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from pipeline.messages import FloatArray
 from pipeline.simulation.mesh import Mesh, ellipsoid, limb, linear, merged, rotation_x, rotation_y
@@ -21,7 +20,8 @@ class Posture:
     """Joint angles, degrees; pairs are left, right.
 
     lean, bend: of pelvis and of chest, forwards. hip, knee, shoulder, elbow: flexion. spread, abduction: sideways.
-    cross: forearms inwards. rest: what the body rests on.
+    cross: forearms inwards. point: feet stretched, in line with the shin at 90. rest: what the body rests on, upright,
+    back, prone or side.
     """
 
     rest: str = "upright"
@@ -35,6 +35,7 @@ class Posture:
     abduction: tuple[float, float] = (10.0, 10.0)
     elbow: tuple[float, float] = (12.0, 12.0)
     cross: float = 0.0
+    point: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -54,9 +55,7 @@ class Clothes:
 
 @dataclass(frozen=True)
 class BodyModel:
-    """One person to look at. height_m: tall when upright. girth: limb thickness, 1 for an average adult.
-
-    """
+    """One person to look at. height_m: tall when upright. girth: limb thickness, 1 for an average adult."""
 
     name: str
     posture: Posture
@@ -106,7 +105,9 @@ def _laid(mesh: Mesh, rest: str) -> Mesh:
     return mesh
 
 
-def _swung(flexion_deg: float, sideways_deg: float, sign: float, up: FloatArray, ahead: FloatArray) -> FloatArray:
+def _swung(
+    flexion_deg: float, sideways_deg: float, sign: float, up: FloatArray, ahead: FloatArray
+) -> FloatArray:
     """Direction of a hanging limb after flexion forwards and a spread to its own side."""
     phi, alpha = np.radians(flexion_deg), np.radians(sideways_deg)
     along = -up * np.cos(phi) + ahead * np.sin(phi)
@@ -137,7 +138,9 @@ def _pose(p: Posture, height: float, girth: float) -> _Skeleton:
     return s
 
 
-def _arm(j: dict[str, FloatArray], p: Posture, name: str, sign: float, i: int, height: float, girth: float) -> None:
+def _arm(
+    j: dict[str, FloatArray], p: Posture, name: str, sign: float, i: int, height: float, girth: float
+) -> None:
     up, ahead = j["up"], j["ahead"]
     j["shoulder_" + name] = j["chest"] + sign * (0.098 + 0.012 * girth) * height * _X
     upper = _swung(p.shoulder[i], p.abduction[i], sign, up, ahead)
@@ -158,7 +161,9 @@ def _leg(j: dict[str, FloatArray], p: Posture, name: str, sign: float, i: int, h
     j["ankle_" + name] = j["knee_" + name] + 0.225 * height * shin
     toe = np.cross(shin, _X)
     toe = -toe if toe @ _swung(p.hip[i] - p.knee[i] + 90.0, 0.0, sign, up, ahead) < 0 else toe
-    j["toe_" + name] = j["ankle_" + name] + 0.11 * height * toe + 0.022 * height * shin
+    point = np.radians(p.point)
+    foot = np.cos(point) * toe + np.sin(point) * shin
+    j["toe_" + name] = j["ankle_" + name] + 0.11 * height * foot + 0.022 * height * shin
 
 
 def _parts(s: _Skeleton, model: BodyModel) -> list[Mesh]:
@@ -167,13 +172,17 @@ def _parts(s: _Skeleton, model: BodyModel) -> list[Mesh]:
     parts = [*_trunk(s.joints, jacket, trousers, h, g), *_head(s.joints, wear, h)]
     for name in ("l", "r"):
         parts += _arm_parts(s.joints, name, jacket, skin if wear.short_sleeves else jacket, skin, g)
-        parts += _leg_parts(s.joints, name, trousers, skin if wear.shorts else trousers, linear(wear.shoes), g)
+        parts += _leg_parts(
+            s.joints, name, trousers, skin if wear.shorts else trousers, linear(wear.shoes), g
+        )
     if wear.pack:
         parts.append(_pack(s.joints, linear(wear.pack), h))
     return parts
 
 
-def _trunk(j: dict[str, FloatArray], jacket: FloatArray, trousers: FloatArray, h: float, g: float) -> list[Mesh]:
+def _trunk(
+    j: dict[str, FloatArray], jacket: FloatArray, trousers: FloatArray, h: float, g: float
+) -> list[Mesh]:
     return [
         limb(j["pelvis"] - 0.01 * h * j["up"], 0.5 * j["waist"], 0.085 * g, 0.082 * g, trousers, 0.72),
         limb(0.35 * j["waist"], 0.6 * j["waist"] + 0.4 * j["chest"], 0.086 * g, 0.098 * g, jacket, 0.68),
@@ -225,21 +234,6 @@ def _pack(j: dict[str, FloatArray], color: FloatArray, h: float) -> Mesh:
     return ellipsoid(center, (0.085 * h, 0.065 * h, 0.14 * h), color, rotation)
 
 
-def resized(model: BodyModel, height_m: float, girth: float, clothes: Clothes) -> BodyModel:
-    """The same posture on somebody else."""
-    return replace(model, height_m=height_m, girth=girth, clothes=clothes)
-
-
 def footprint_radius(mesh: Mesh) -> float:
     """Greatest horizontal distance of a body's vertex from its reference point, metres."""
     return float(np.hypot(mesh.vertices[:, 0], mesh.vertices[:, 1]).max())
-
-
-def height_of(mesh: Mesh) -> float:
-    """How far the body reaches above the ground, metres."""
-    return float(mesh.vertices[:, 2].max())
-
-
-def as_vector(values: ArrayLike) -> FloatArray:
-    """float64 (3,)."""
-    return np.asarray(values, dtype=np.float64)

@@ -52,7 +52,9 @@ def build_ground(
 ) -> Ground:
     """A random ground in the colours of a season."""
     hills = random_waves(rng, 9.0, 160.0, rng.uniform(0.9, 1.8))
-    return Ground(base_m, hills, _mesh(hills, base_m, extent), _tiles(rng, palette, light), _soil(rng, palette))
+    return Ground(
+        base_m, hills, _mesh(hills, base_m, extent), _tiles(rng, palette, light), _soil(rng, palette)
+    )
 
 
 def _mesh(hills: Waves, base_m: float, extent: Extent) -> Mesh:
@@ -154,6 +156,8 @@ def _sand(rng: np.random.Generator, palette: Palette, light: Light) -> FloatArra
     ripples = np.sin(2.0 * np.pi * y * 44.0 / TILE_TEXELS + 3.5 * warp).astype(np.float32)
     fine = tile_noise(rng, TILE_TEXELS, 0.0, 40.0)
     lumps = tile_noise(rng, TILE_TEXELS, 0.9, 8.0)
-    shade = _relief(0.35 * ripples * (warp > -0.3) + 0.9 * lumps, light, 0.16) * (1.0 + 0.07 * fine + 0.05 * warp)
+    shade = _relief(0.35 * ripples * (warp > -0.3) + 0.9 * lumps, light, 0.16) * (
+        1.0 + 0.07 * fine + 0.05 * warp
+    )
     litter = np.where(rng.random(shade.shape) < 0.003, 0.45, 1.0)
     return np.asarray(0.85 * palette.sand * (shade * litter)[..., None])

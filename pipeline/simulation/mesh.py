@@ -54,7 +54,9 @@ def merged(meshes: Sequence[Mesh]) -> Mesh:
     starts = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes[:-1]])
     return Mesh(
         np.concatenate([mesh.vertices for mesh in meshes]),
-        np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts, strict=True)]).astype(np.int32),
+        np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts, strict=True)]).astype(
+            np.int32
+        ),
         np.concatenate([mesh.normals for mesh in meshes]),
         np.concatenate([mesh.albedo for mesh in meshes]),
         np.concatenate([mesh.grain for mesh in meshes]),
@@ -115,7 +117,16 @@ def ellipsoid(
     angles = np.linspace(-np.pi / 2, np.pi / 2, sectors // 2 + 2)
     eye = np.eye(3)
     unit = _revolved(
-        np.zeros((len(angles), 3)), np.ones(len(angles)), angles, eye[2], eye[0], eye[1], 1.0, albedo, sectors, grain
+        np.zeros((len(angles), 3)),
+        np.ones(len(angles)),
+        angles,
+        eye[2],
+        eye[0],
+        eye[1],
+        1.0,
+        albedo,
+        sectors,
+        grain,
     )
     scaled = painted(unit.vertices * [a, b, c], unit.faces, unit.normals / [a, b, c], unit.albedo, grain)
     return scaled.moved(eye if rotation is None else rotation, center)
@@ -125,7 +136,9 @@ def box(center: ArrayLike, size: ArrayLike, albedo: ArrayLike, grain: float = 0.
     """A box with flat faces; center (3,) and size (3,), metres."""
     corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
     quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-    return flat([corners[list(quad)] * np.asarray(size) + np.asarray(center) for quad in quads], albedo, grain)
+    return flat(
+        [corners[list(quad)] * np.asarray(size) + np.asarray(center) for quad in quads], albedo, grain
+    )
 
 
 def flat(polygons: Sequence[FloatArray], albedo: ArrayLike, grain: float = 0.3) -> Mesh:
@@ -138,7 +151,9 @@ def flat(polygons: Sequence[FloatArray], albedo: ArrayLike, grain: float = 0.3) 
         normals.append(np.tile(normal, (count, 1)))
         faces += [(start, start + i, start + i + 1) for i in range(1, count - 1)]
         start += count
-    return painted(np.concatenate(vertices), np.array(faces, np.int32), np.concatenate(normals), albedo, grain)
+    return painted(
+        np.concatenate(vertices), np.array(faces, np.int32), np.concatenate(normals), albedo, grain
+    )
 
 
 def _basis(along: FloatArray, side: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

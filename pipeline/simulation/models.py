@@ -15,7 +15,18 @@ _TRAIN_TROUSERS = (
 ).split()
 _TRAIN_SKIN = "#e0b49a #c68e6c #9b6a4a #6b4630 #d6a283 #4f3323".split()
 _TRAIN_HAIR = "#241a12 #4a3220 #7d5a34 #b08a52 #17130f #8b8580".split()
-_TRAIN_KINDS = ("standing", "arms_out", "waving", "sitting", "back", "prone", "side", "kneeling", "crouching", "walking")
+_TRAIN_KINDS = (
+    "standing",
+    "arms_out",
+    "waving",
+    "sitting",
+    "back",
+    "prone",
+    "side",
+    "kneeling",
+    "crouching",
+    "walking",
+)
 
 
 def random_train_model(rng: np.random.Generator) -> BodyModel:
@@ -37,11 +48,15 @@ def random_posture(rng: np.random.Generator, kind: str) -> Posture:
         return float(rng.uniform(low, high))
 
     if kind == "standing":
-        return Posture(bend=one(-5, 12), hip=pair(-5, 8), shoulder=pair(-12, 35), elbow=pair(5, 90), spread=pair(2, 10))
+        return Posture(
+            bend=one(-5, 12), hip=pair(-5, 8), shoulder=pair(-12, 35), elbow=pair(5, 90), spread=pair(2, 10)
+        )
     if kind == "arms_out":
         return Posture(abduction=pair(65, 105), spread=pair(3, 14), elbow=pair(0, 25))
     if kind == "waving":
-        return Posture(shoulder=(one(-5, 20), one(130, 175)), abduction=pair(5, 30), elbow=(one(5, 60), one(0, 50)))
+        return Posture(
+            shoulder=(one(-5, 20), one(130, 175)), abduction=pair(5, 30), elbow=(one(5, 60), one(0, 50))
+        )
     if kind == "sitting":
         return Posture(
             lean=one(-20, 12), bend=one(0, 30), hip=pair(65, 105), knee=pair(10, 110),
@@ -49,7 +64,7 @@ def random_posture(rng: np.random.Generator, kind: str) -> Posture:
         )  # fmt: skip
     if kind in ("back", "prone"):
         return Posture(
-            rest=kind, nod=0.0, hip=pair(-3, 12), knee=pair(0, 30), spread=pair(2, 25),
+            rest=kind, nod=0.0, point=one(20, 80), hip=pair(-3, 12), knee=pair(0, 30), spread=pair(2, 25),
             abduction=pair(5, 110), elbow=pair(0, 40), shoulder=pair(-5, 10),
         )  # fmt: skip
     if kind == "side":
@@ -61,7 +76,7 @@ def random_posture(rng: np.random.Generator, kind: str) -> Posture:
     if kind == "kneeling":
         return Posture(
             lean=one(-5, 15), bend=one(0, 25), hip=pair(0, 30), knee=pair(85, 120),
-            shoulder=pair(0, 60), elbow=pair(10, 80), spread=pair(2, 12),
+            shoulder=pair(0, 60), elbow=pair(10, 80), spread=pair(2, 12), point=one(60, 90),
         )  # fmt: skip
     if kind == "crouching":
         return Posture(
@@ -112,7 +127,7 @@ MISSION_MODELS: tuple[BodyModel, ...] = (
     BodyModel(
         "man on his back",
         Posture(rest="back", nod=0.0, abduction=(38.0, 62.0), spread=(9.0, 14.0), knee=(4.0, 22.0),
-                hip=(2.0, 14.0), elbow=(18.0, 8.0)),
+                hip=(2.0, 14.0), elbow=(18.0, 8.0), point=35.0),
         Clothes("#dddacd", "#2a3350", skin="#bd8563", hair="#2c2118"),
         1.83, 1.05,
     ),
@@ -126,7 +141,7 @@ MISSION_MODELS: tuple[BodyModel, ...] = (
     BodyModel(
         "kneeling man",
         Posture(lean=5.0, bend=12.0, hip=(8.0, 12.0), knee=(98.0, 102.0), shoulder=(24.0, 30.0),
-                elbow=(44.0, 36.0), spread=(5.0, 6.0)),
+                elbow=(44.0, 36.0), spread=(5.0, 6.0), point=82.0),
         Clothes("#d9642f", "#4e4a42", skin="#c99877", hair="#6b6661", hat="#3c5a3a"),
         1.76, 1.12,
     ),

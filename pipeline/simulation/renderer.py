@@ -1,5 +1,8 @@
 """Pictures of a scene, and who is visible in them.
 
+A pixel is one ray from its centre, through a lens that blurs a little onto a sensor with a little noise. People are
+cast apart from the static scene, so that they can walk and that what hides them is known.
+
     scene = build_scene(seed=1, extent=Extent(60.0, 60.0), split="train")
     scene = scene.with_people(random_people(rng, "train", 12, scene))
     picture = Renderer(scene, camera).render(pose, time_s=0.0, rng=rng)
@@ -21,7 +24,7 @@ from pipeline.simulation.mesh import Mesh
 from pipeline.simulation.noise import Float32Array
 from pipeline.simulation.people import Person, placed
 from pipeline.simulation.scene import Scene
-from pipeline.simulation.shading import expose, shade_body, shade_static
+from pipeline.simulation.shading import expose, rotated, shade_body, shade_static
 
 #: nobody is drawn from further away
 FARTHEST_M = 160.0
@@ -95,7 +98,7 @@ class Renderer:
 
     def render(self, pose: CameraPose, time_s: float, rng: np.random.Generator) -> Picture:
         """The picture at a pose and a time; rng: the sensor's noise."""
-        rays = self._rays @ pose.enu_from_camera.T.astype(np.float32)
+        rays = rotated(self._rays, pose.enu_from_camera.astype(np.float32))
         static = self.scene.caster.hits(pose.position_enu, rays)
         bodies = {person.id: self._body(person, time_s) for person in self.scene.people}
         seen = {key: found for key, body in bodies.items() if (found := self._look(body, pose)) is not None}
@@ -202,7 +205,13 @@ class Renderer:
         return out
 
     def _shade_person(
-        self, body: _Body, found: _Seen, owner: NDArray[np.int64], key: int, pose: CameraPose, linear: Float32Array
+        self,
+        body: _Body,
+        found: _Seen,
+        owner: NDArray[np.int64],
+        key: int,
+        pose: CameraPose,
+        linear: Float32Array,
     ) -> None:
         mine = np.flatnonzero((found.pixel >= 0) & (owner[found.pixel] == key))
         if len(mine) == 0:
@@ -210,7 +219,10 @@ class Renderer:
         hits, light = found.hits, self.scene.light
         points = pose.position_enu + hits.distance_m[mine, None] * found.rays[mine]
         start = points + 0.02 * light.sun_direction - 0.01 * found.rays[mine]
-        lit = ~(self.scene.caster.blocked(start, light.sun_direction) | body.caster.blocked(start, light.sun_direction))
+        lit = ~(
+            self.scene.caster.blocked(start, light.sun_direction)
+            | body.caster.blocked(start, light.sun_direction)
+        )
         colors = np.empty((len(mine), 3), dtype=np.float32)
         shade_body(
             hits.face[mine], hits.u[mine], hits.v[mine], lit, body.mesh.faces, body.normals, body.albedo,
@@ -244,6 +256,8 @@ def _box(columns: NDArray[np.int64], rows: NDArray[np.int64]) -> Box:
 def _shadow_hull(vertices: FloatArray, sun: FloatArray) -> FloatArray:
     """Points (16, 3) around a body and the shadow that it can throw."""
     low, high = vertices.min(axis=0), vertices.max(axis=0)
-    corners = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
+    corners = np.array(
+        [[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])]
+    )
     drop = (corners[:, 2:] - low[2] + 0.7) / sun[2]
     return np.concatenate([corners, corners - drop * sun])

@@ -161,13 +161,9 @@ def clear_of(
     obstacles: list[Obstacle] | tuple[Obstacle, ...], east_m: float, north_m: float, radius_m: float
 ) -> bool:
     """Whether a disc touches none of the things."""
-    return all(
-        np.hypot(o.east_m - east_m, o.north_m - north_m) > o.radius_m + radius_m for o in obstacles
-    )
+    return all(np.hypot(o.east_m - east_m, o.north_m - north_m) > o.radius_m + radius_m for o in obstacles)
 
 
 def _standing(rng: np.random.Generator, thing: Mesh, place: tuple[float, float], ground: Ground) -> Mesh:
     height = float(ground.height(np.array([place[0]]), np.array([place[1]]))[0])
     return thing.moved(rotation_z(rng.uniform(0, 2 * np.pi)), (*place, height))
-
-

@@ -70,7 +70,9 @@ def boulder(rng: np.random.Generator, palette: Palette, radius_m: float) -> Mesh
     """A rounded, uneven stone that stands a third in the ground."""
     round_ = ellipsoid((0, 0, 0), (1, 1, 1), (0, 0, 0), sectors=28)
     points = round_.vertices
-    bump = random_waves(rng, 0.6, 3.0, 0.16)(points[:, 0] + 0.7 * points[:, 2], points[:, 1] - 0.6 * points[:, 2])
+    bump = random_waves(rng, 0.6, 3.0, 0.16)(
+        points[:, 0] + 0.7 * points[:, 2], points[:, 1] - 0.6 * points[:, 2]
+    )
     facets = random_waves(rng, 0.5, 1.5, 0.08)(points[:, 2] * 1.3 + points[:, 1], points[:, 0])
     scale = radius_m * np.array([1.0, rng.uniform(0.6, 1.0), rng.uniform(0.5, 0.9)])
     vertices = points * (1.0 + bump + facets)[:, None] * scale
@@ -95,7 +97,9 @@ def log(rng: np.random.Generator, palette: Palette) -> Mesh:
     length, radius = rng.uniform(1.2, 3.5), rng.uniform(0.1, 0.28)
     bark = linear(str(rng.choice(_BARK)))
     turn = rotation_z(rng.uniform(0, 2 * np.pi))
-    body = limb((-length / 2, 0, radius * 0.8), (length / 2, 0, radius * 0.8), radius, radius * 0.8, bark, grain=1.0)
+    body = limb(
+        (-length / 2, 0, radius * 0.8), (length / 2, 0, radius * 0.8), radius, radius * 0.8, bark, grain=1.0
+    )
     branch = limb((0, 0, radius), (0.3, 0.5, radius + 0.4), 0.05, 0.03, bark, grain=1.0)
     end = ellipsoid((-length / 2 - radius, 0, radius), (0.04, radius, radius), palette.sand * 0.8)
     return merged([body, branch, end]).moved(turn, (0, 0, 0))
@@ -127,9 +131,7 @@ def building(rng: np.random.Generator) -> Mesh:
     a, b = length / 2, width / 2
     walls = linear(str(rng.choice(_WALLS)))
     roof = linear(str(rng.choice(_ROOFS)))
-    gables = [
-        np.array([[s * a, -s * b, wall], [s * a, s * b, wall], [s * a, 0, ridge]]) for s in (-1.0, 1.0)
-    ]
+    gables = [np.array([[s * a, -s * b, wall], [s * a, s * b, wall], [s * a, 0, ridge]]) for s in (-1.0, 1.0)]
     drop = wall - eave * (ridge - wall) / b
     slopes = [
         np.array(
@@ -189,12 +191,19 @@ def _cone(rng: np.random.Generator, height: float, color: FloatArray) -> list[Me
     for level in np.linspace(0.18, 0.95, 8):
         radius = 0.26 * height * (1.02 - level) + 0.15
         center = (0.0, 0.0, level * height)
-        meshes += _foliage(rng, np.array(center), radius * np.array([1, 1, 0.55]), color, int(160 + 200 * radius), 0.12)
+        meshes += _foliage(
+            rng, np.array(center), radius * np.array([1, 1, 0.55]), color, int(160 + 200 * radius), 0.12
+        )
     return meshes
 
 
 def _foliage(
-    rng: np.random.Generator, center: FloatArray, radii: FloatArray, color: FloatArray, count: int, leaf_m: float
+    rng: np.random.Generator,
+    center: FloatArray,
+    radii: FloatArray,
+    color: FloatArray,
+    count: int,
+    leaf_m: float,
 ) -> list[Mesh]:
     """A dark core and so many leaves around it."""
     core = ellipsoid(center, 0.72 * radii, color * 0.45, sectors=10, grain=1.0)

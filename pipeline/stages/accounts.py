@@ -15,16 +15,21 @@ def stream_account(stream: str, count: SourceCount, reducer: ReducerStage) -> St
     """Every frame of the video once: processed, or dropped with a reason."""
     processed = reducer.frames(stream)
     dropped = Counter(
-        _reason(index, due, stream, count, reducer) for index, due in count.due.items() if index not in processed
+        _reason(index, due, stream, count, reducer)
+        for index, due in count.due.items()
+        if index not in processed
     )
     dropped["not_sampled"] += count.not_sampled
     return StreamAccount(stream, count.captured, len(processed), {k: n for k, n in dropped.items() if n})
 
 
-def substream_counts(plan: Plan, counts: dict[str, SourceCount], reducer: ReducerStage) -> list[SubstreamCount]:
+def substream_counts(
+    plan: Plan, counts: dict[str, SourceCount], reducer: ReducerStage
+) -> list[SubstreamCount]:
     """Every frame that was a detector's turn: processed, or dropped with a reason."""
     return [
-        _substream(a.stream, a.detector, a.machine, a.site, counts[a.stream], reducer) for a in plan.assignments
+        _substream(a.stream, a.detector, a.machine, a.site, counts[a.stream], reducer)
+        for a in plan.assignments
     ]
 
 
@@ -38,8 +43,15 @@ def _substream(
     )
     means = {f"{hop}_s": _mean(reducer.hops[stream, detector][hop]) for hop in HOPS}
     return SubstreamCount(
-        stream, detector, machine, site, len(offered), len(processed), dict(dropped),
-        reducer.detections[stream, detector], MeanHops(**means),
+        stream,
+        detector,
+        machine,
+        site,
+        len(offered),
+        len(processed),
+        dict(dropped),
+        reducer.detections[stream, detector],
+        MeanHops(**means),
     )
 
 

@@ -48,7 +48,7 @@ class DetectorStage:
         )
 
     def skip(self, message: Message) -> Message:
-        """Decode, since the next packet needs this one, but do not look: the frame came too late to be of use."""
+        """Decode, since the next packet needs this one, but do not look: the frame came too late."""
         if not isinstance(message, Packet):
             return message
         with contextlib.suppress(ValueError):

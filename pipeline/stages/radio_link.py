@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Mapping
 from dataclasses import replace
@@ -49,5 +48,5 @@ class RadioLink:
     def close(self) -> None:
         """Send what is queued, then close every connection."""
         for sender in self.senders.values():
-            sender.flush(math.inf)
+            sender.flush()
             sender.close()

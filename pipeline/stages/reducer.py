@@ -66,7 +66,9 @@ class ReducerStage:
     def frames_dropped(self, stream: str) -> dict[str, int]:
         """Frames of a stream that reached a machine but that nobody looked at, by reason."""
         seen = self.frames(stream)
-        reasons = {i: why for key, frames in self.dropped.items() if key[0] == stream for i, why in frames.items()}
+        reasons = {
+            i: why for key, frames in self.dropped.items() if key[0] == stream for i, why in frames.items()
+        }
         return dict(Counter(why for index, why in reasons.items() if index not in seen))
 
     def _apply(self, results: Iterable[Detections]) -> None:

@@ -31,8 +31,8 @@ class StreamInput:
     video: VideoInfo
     track: Track
     telemetry: Telemetry
-    terrain_datum: Datum
     frame: LocalFrame
+    terrain_datum: Datum
     processing_rate_hz: float
     codec: Codec
 
@@ -61,9 +61,9 @@ class Link(Protocol):
 class SourceCount:
     """Frames of one stream, as the source knows them.
 
-    captured: in the video. not_sampled: not on the processing clock. due: frame index -> the detectors whose turn it
-    was. dropped: (frame index, detector) -> why the frame was not sent. frames_dropped: frames that were sent to nobody,
-    by reason.
+    captured: in the video. not_sampled: not on the processing clock. due: frame index -> the detectors whose
+    turn it was. dropped: (frame index, detector) -> why the frame was not sent. frames_dropped: frames that were
+    sent to nobody, by reason.
     """
 
     captured: int = 0
@@ -165,4 +165,3 @@ class SourceStage:
             data=encoded.data,
             encode_s=encode_s,
         )
-

@@ -1,11 +1,12 @@
 """The links of a stream in video time: nothing sleeps, but every packet pays for its bytes.
 
-Used where a run goes as fast as it can (pace max, and the local run): the token bucket's clock is the capture time,
-so that what a link cannot carry is dropped, at the same frames, however fast the machine is.
+Used where a run goes as fast as it can (pace max, and the local run): the token bucket's clock is the capture
+time, so that what a link cannot carry is dropped, at the same frames, however fast the machine is.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
@@ -36,5 +37,10 @@ class VirtualLink:
 
 
 def burst_bytes(rate_bps: float) -> float:
-    """A link may send so much at once: 20 ms of its rate, one Ethernet frame at least."""
-    return max(1500.0, 0.020 * rate_bps / 8.0) if rate_bps != float("inf") else float("inf")
+    """A link may send so much at once: 20 ms of its rate, one Ethernet frame at least, a megabyte at most."""
+    return min(max(1500.0, 0.020 * rate_bps / 8.0), 1e6)
+
+
+def unlimited() -> TokenBucket:
+    """The bucket of a connection that no radio limits."""
+    return TokenBucket(math.inf, 1e6)

@@ -12,9 +12,7 @@ _FRAME_RATE_HZ = 10.0
 _LARGEST_STEP_PX = 12
 
 
-def degrade(
-    image: NDArray[np.uint8], bitrate_bps: float, rng: np.random.Generator
-) -> NDArray[np.uint8]:
+def degrade(image: NDArray[np.uint8], bitrate_bps: float, rng: np.random.Generator) -> NDArray[np.uint8]:
     """The picture (H, W, 3) as the last of a short pan that was encoded at the bitrate and decoded again.
 
     The pan moves by a random number of whole pixels per picture and ends at the picture itself, so that boxes

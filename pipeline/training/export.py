@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import os
 from pathlib import Path
 
@@ -21,20 +20,19 @@ def export_onnx(network: PersonNetwork, path: Path, *, width: int, height: int, 
     """
     decoded = DecodedNetwork(network).eval()
     image = torch.zeros(1, height, width, 3, dtype=torch.uint8)
-    buffer = io.BytesIO()
+    partial = path.with_suffix(".part")
     torch.onnx.export(
         decoded,
         (image,),
-        buffer,
+        partial,
         input_names=["image"],
         output_names=["boxes", "scores"],
         opset_version=_OPSET,
         dynamo=False,
     )
-    model = onnx.load_from_string(buffer.getvalue())
+    model = onnx.load(partial)
     onnx.helper.set_model_props(model, _metadata(width, height, name))
     onnx.checker.check_model(model)
-    partial = path.with_suffix(".part")
     partial.write_bytes(model.SerializeToString())
     os.replace(partial, path)
 

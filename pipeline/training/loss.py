@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
-from pipeline.training.network import STRIDE, boxes_of
+from pipeline.training.network import STRIDE
 
 #: a person's heat falls to exp(-1/2) at this share of the box from its centre (TTFNet, arXiv:1909.00700)
 _SIGMA_SHARE = 0.18
@@ -36,7 +36,9 @@ class Targets:
     @classmethod
     def of(cls, people: list[NDArray[Any]], ignored: list[NDArray[Any]], height: int, width: int) -> Targets:
         """people, ignored: per picture boxes (N, 4) xyxy in pixels of an input of height x width."""
-        grids = [_grids(p, i, height // STRIDE, width // STRIDE) for p, i in zip(people, ignored, strict=True)]
+        grids = [
+            _grids(p, i, height // STRIDE, width // STRIDE) for p, i in zip(people, ignored, strict=True)
+        ]
         heat, boxes, weight, care = (torch.from_numpy(np.stack(parts)) for parts in zip(*grids, strict=True))
         return cls(heat, boxes, weight, care)
 
@@ -67,11 +69,6 @@ def _heat(box: NDArray[Any], rows: int, columns: int) -> NDArray[np.float32]:
     return np.where(heat < 0.01, np.float32(0.0), heat)
 
 
-def detection_loss(logits: Tensor, distances: Tensor, targets: Targets) -> tuple[Tensor, Tensor]:
-    """The losses of the heat and of the boxes, both scalars; their sum is minimised."""
-    return heat_loss(logits, targets), box_loss(boxes_of(distances), targets)
-
-
 def heat_loss(logits: Tensor, targets: Targets) -> Tensor:
     """The penalty-reduced focal loss of CenterNet (arXiv:1904.07850, equation 1), per person."""
     score = logits.sigmoid()
@@ -93,7 +90,9 @@ def box_loss(boxes: Tensor, targets: Targets) -> Tensor:
 
 def generalized_iou(a: Tensor, b: Tensor) -> Tensor:
     """GIoU (N,) in -1..1 of boxes (N, 4) with boxes (N, 4), xyxy, widths and heights above 0."""
-    overlap = (torch.minimum(a[:, 2:], b[:, 2:]) - torch.maximum(a[:, :2], b[:, :2])).clamp(min=0.0).prod(dim=1)
+    overlap = (
+        (torch.minimum(a[:, 2:], b[:, 2:]) - torch.maximum(a[:, :2], b[:, :2])).clamp(min=0.0).prod(dim=1)
+    )
     hull = (torch.maximum(a[:, 2:], b[:, 2:]) - torch.minimum(a[:, :2], b[:, :2])).prod(dim=1)
     union = (a[:, 2:] - a[:, :2]).prod(dim=1) + (b[:, 2:] - b[:, :2]).prod(dim=1) - overlap
     return overlap / union - (hull - union) / hull

@@ -36,7 +36,9 @@ class PersonNetwork(nn.Module):
         c2, c4, c8, c16 = params.channels
         self.stem = nn.Sequential(_convolution(3, c2, 2), _convolution(c2, c4, 2))
         self.fine = nn.Sequential(_convolution(c4, c8, 2), *(_Residual(c8) for _ in range(params.blocks[0])))
-        self.wide = nn.Sequential(_convolution(c8, c16, 2), *(_Residual(c16) for _ in range(params.blocks[1])))
+        self.wide = nn.Sequential(
+            _convolution(c8, c16, 2), *(_Residual(c16) for _ in range(params.blocks[1]))
+        )
         self.back = _convolution(c16, c8, 1, size=1)
         self.head = _convolution(c8, params.head, 1)
         self.out = nn.Conv2d(params.head, 5, 1)

@@ -16,8 +16,8 @@ from torch import Tensor
 from pipeline.errors import InputError
 from pipeline.training.augmentation import random_crop
 from pipeline.training.config import Optimisation, Training
-from pipeline.training.loss import Targets, detection_loss
-from pipeline.training.network import PersonNetwork
+from pipeline.training.loss import Targets, box_loss, heat_loss
+from pipeline.training.network import PersonNetwork, boxes_of
 from pipeline.training.pictures import PictureSet
 
 #: called with what is being done, how much of it is done, how much there is, and a remark such as the loss
@@ -39,14 +39,18 @@ class Optimiser:
             self._network.parameters(), chosen.learning_rate, weight_decay=chosen.weight_decay
         )
 
-    def run(self, pictures: PictureSet, checkpoint: Path, progress: Progress, saved: Callable[[], None]) -> None:
+    def run(
+        self, pictures: PictureSet, checkpoint: Path, progress: Progress, saved: Callable[[], None]
+    ) -> None:
         """All steps that are left. saved: called after every checkpoint."""
         chosen = self.training.optimisation
         torch.set_num_threads(chosen.threads)
         while self.step < chosen.steps:
             heat, box = self.take_step(pictures)
             if not math.isfinite(heat + box):
-                raise InputError(checkpoint, f"a loss of {heat + box} at step {self.step}", "a smaller learning rate")
+                raise InputError(
+                    checkpoint, f"a loss of {heat + box} at step {self.step}", "a smaller learning rate"
+                )
             progress("training", self.step, chosen.steps, f"heat {heat:.3f} box {box:.3f}")
             if self.step % chosen.save_every == 0 or self.step == chosen.steps:
                 self.save(checkpoint)
@@ -58,7 +62,8 @@ class Optimiser:
         for group in self._adam.param_groups:
             group["lr"] = _learning_rate(self.step, self.training.optimisation)
         self._network.train()
-        heat, box = detection_loss(*self._network(images), targets)
+        logits, distances = self._network(images)
+        heat, box = heat_loss(logits, targets), box_loss(boxes_of(distances), targets)
         self._adam.zero_grad(set_to_none=True)
         (heat + box).backward()  # type: ignore[no-untyped-call]
         torch.nn.utils.clip_grad_norm_(self._network.parameters(), 10.0)
@@ -84,7 +89,9 @@ class Optimiser:
         """Go on where a checkpoint was saved. Raises InputError if it is of another training."""
         state: dict[str, Any] = torch.load(path, weights_only=True)
         if state["training"] != self.training.model_dump_json():
-            raise InputError(path, "the checkpoint of another configuration", "an empty output folder or the same one")
+            raise InputError(
+                path, "the checkpoint of another configuration", "an empty output folder or the same one"
+            )
         self.step = state["step"]
         self._network.load_state_dict(state["network"])
         self.mean.load_state_dict(state["mean"])
@@ -94,7 +101,9 @@ class Optimiser:
     def _average(self) -> None:
         # the first steps would otherwise weigh for long
         decay = min(self.training.optimisation.ema_decay, (1 + self.step) / (10 + self.step))
-        for mean, now in zip(self.mean.state_dict().values(), self._network.state_dict().values(), strict=True):
+        for mean, now in zip(
+            self.mean.state_dict().values(), self._network.state_dict().values(), strict=True
+        ):
             if mean.is_floating_point():
                 mean.lerp_(now, 1.0 - decay)
             else:

@@ -3,32 +3,39 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+import multiprocessing
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 from pipeline.messages import FloatArray
+from pipeline.simulation.dataset import CAMERA, Views, pictures_of_scene
+from pipeline.training.degradation import degrade
 
 Image = NDArray[np.uint8]
+_BITRATES_BPS = (0.2e6, 6e6)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class LabelledPicture:
-    """image: uint8 (H, W, 3) RGB. boxes_px: (N, 4) xyxy, as far as inside the picture. visible_shares: (N,) 0..1."""
+@dataclass(frozen=True, slots=True)
+class SceneShots:
+    """count pictures of one scene, which are number first, first + 1, .. of the set."""
 
-    image: Image
-    boxes_px: FloatArray
-    visible_shares: FloatArray
+    seed: int
+    split: Literal["train", "mission"]
+    views: Views
+    first: int
+    count: int
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PictureSet:
-    """clean, degraded: uint8 (N, H, W, 3), mapped from disk. boxes_px and visible_shares: one array per picture."""
+    """clean, degraded: uint8 (N, H, W, 3), mapped from disk. boxes_px (.., 4) xyxy, visible_shares: per picture."""
 
     clean: Image
     degraded: Image
@@ -39,46 +46,70 @@ class PictureSet:
         return len(self.boxes_px)
 
 
-def save_pictures(
-    folder: Path,
-    pictures: Iterable[LabelledPicture],
-    count: int,
-    degrade: Callable[[Image], Image],
-    *,
-    size: tuple[int, int] = (1024, 576),
+def shots(
+    first_seed: int, scenes: int, pictures: int, split: Literal["train", "mission"], views: Views
+) -> list[SceneShots]:
+    """pictures spread evenly over scenes with the seeds first_seed, first_seed + 1, .."""
+    edges = [pictures * i // scenes for i in range(scenes + 1)]
+    return [SceneShots(first_seed + i, split, views, edges[i], edges[i + 1] - edges[i]) for i in range(scenes)]
+
+
+def render_pictures(
+    folder: Path, plan: list[SceneShots], workers: int, rendered: Callable[[int, int], None]
 ) -> None:
-    """Write count pictures of size (width, height). degrade: what the link does to a picture.
+    """Write the pictures of a plan. rendered: called with how many pictures are done and how many there are.
 
     ``people.json`` is written last: a folder that has it is complete.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    shape = (count, size[1], size[0], 3)
-    clean, degraded = (
+    total = sum(s.count for s in plan)
+    for name in ("clean", "degraded"):
+        shape = (total, CAMERA.height, CAMERA.width, 3)
         np.lib.format.open_memmap(folder / f"{name}.npy", mode="w+", dtype=np.uint8, shape=shape)
-        for name in ("clean", "degraded")
-    )
+    people: list[Any] = [None] * total
+    done = 0
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(workers, context) as pool:
+        jobs = {pool.submit(_render_scene, folder, s): s for s in plan}
+        for job in as_completed(jobs):
+            s = jobs[job]
+            people[s.first : s.first + s.count] = job.result()
+            done += s.count
+            rendered(done, total)
+    record = {"plan": _json(plan), "people": people}
+    (folder / "people.json").write_text(json.dumps(record), encoding="utf-8")
+
+
+def _render_scene(folder: Path, plan: SceneShots) -> list[dict[str, Any]]:
+    clean, degraded = (np.load(folder / f"{name}.npy", mmap_mode="r+") for name in ("clean", "degraded"))
+    rng = np.random.default_rng([plan.seed, 2])
     people = []
-    for i, picture in zip(range(count), pictures, strict=False):
-        clean[i], degraded[i] = picture.image, degrade(picture.image)
+    for i, picture in enumerate(pictures_of_scene(plan.seed, plan.split, plan.count, plan.views), plan.first):
+        bitrate_bps = float(np.exp(rng.uniform(*np.log(_BITRATES_BPS))))
+        clean[i], degraded[i] = picture.image, degrade(picture.image, bitrate_bps, rng)
         people.append({"boxes": picture.boxes_px.tolist(), "visible": picture.visible_shares.tolist()})
-    clean.flush()
-    degraded.flush()
-    (folder / "people.json").write_text(json.dumps(people), encoding="utf-8")
+    return people
 
 
 def is_complete(folder: Path) -> bool:
-    """Whether save_pictures has finished there."""
+    """Whether render_pictures has finished there."""
     return (folder / "people.json").is_file()
 
 
-def open_pictures(folder: Path) -> PictureSet:
-    """What save_pictures wrote. Raises InputError if it did not finish there."""
+def open_pictures(folder: Path, plan: list[SceneShots]) -> PictureSet:
+    """What render_pictures wrote. Raises InputError if it did not finish there, or followed another plan."""
     if not is_complete(folder):
         raise InputError(folder, "no complete picture set", "a folder written by searchlight train")
-    people: list[dict[str, Any]] = json.loads((folder / "people.json").read_text(encoding="utf-8"))
+    record: dict[str, Any] = json.loads((folder / "people.json").read_text(encoding="utf-8"))
+    if record["plan"] != _json(plan):
+        raise InputError(folder, "pictures of other scenes", "those of this training file, or an empty folder")
     return PictureSet(
         np.load(folder / "clean.npy", mmap_mode="r"),
         np.load(folder / "degraded.npy", mmap_mode="r"),
-        [np.array(entry["boxes"], float).reshape(-1, 4) for entry in people],
-        [np.array(entry["visible"], float) for entry in people],
+        [np.array(entry["boxes"], float).reshape(-1, 4) for entry in record["people"]],
+        [np.array(entry["visible"], float) for entry in record["people"]],
     )
+
+
+def _json(plan: list[SceneShots]) -> Any:
+    return json.loads(json.dumps([asdict(s) for s in plan]))

@@ -25,7 +25,9 @@ pytestmark = [pytest.mark.ray, pytest.mark.timeout(240)]
 
 def searchlight(*arguments: object, env: dict[str, str] | None = None) -> subprocess.CompletedProcess[str]:
     command = [*SEARCHLIGHT, *map(str, arguments)]
-    return subprocess.run(command, cwd=ROOT, env=env, capture_output=True, text=True, timeout=200, check=False)
+    return subprocess.run(
+        command, cwd=ROOT, env=env, capture_output=True, text=True, timeout=200, check=False
+    )
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +67,7 @@ def test_a_local_run_leaves_no_ray_process_and_no_folder_behind(ray_run: Path) -
 
 @pytest.fixture
 def second_node_cluster(tmp_path: Path) -> Iterator[tuple[str, dict[str, str]]]:
-    """A head that plays the drones and a second node, started as deployments/ray-node.sh does, that plays the ground."""
+    """A head that plays the drones and a second node that plays the ground, by deployments/ray-node.sh."""
     port = _free_port()
     env = os.environ | {
         "RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0",
@@ -82,10 +84,16 @@ def second_node_cluster(tmp_path: Path) -> Iterator[tuple[str, dict[str, str]]]:
     processes = []
     try:
         with open(tmp_path / "head.log", "wb") as log:
-            processes.append(subprocess.Popen(head, env=env | {"SEARCHLIGHT_SITES": "drone-1 drone-2"}, stdout=log, stderr=log))
+            processes.append(
+                subprocess.Popen(
+                    head, env=env | {"SEARCHLIGHT_SITES": "drone-1 drone-2"}, stdout=log, stderr=log
+                )
+            )
         _wait_for_port(port)
         with open(tmp_path / "worker.log", "wb") as log:
-            processes.append(subprocess.Popen(worker, env=env | {"SEARCHLIGHT_SITES": "ground"}, stdout=log, stderr=log))
+            processes.append(
+                subprocess.Popen(worker, env=env | {"SEARCHLIGHT_SITES": "ground"}, stdout=log, stderr=log)
+            )
         yield f"127.0.0.1:{port}", env
     finally:
         for process in reversed(processes):

@@ -21,12 +21,22 @@ def reducer(frames: int, dropped: dict[str, int] | None = None) -> ReducerStatus
     for histogram in hops.values():
         histogram.observe(0.003)
     return ReducerStatus(
-        1, {("v", "d"): frames}, {("v", "d"): 3}, {("v", "d"): dropped or {}}, {"v": frames}, {"v": dropped or {}},
-        {"bad_box": 2}, {("v", "d"): hops}, 0, None,
+        1,
+        {("v", "d"): frames},
+        {("v", "d"): 3},
+        {("v", "d"): dropped or {}},
+        {"v": frames},
+        {"v": dropped or {}},
+        {"bad_box": 2},
+        {("v", "d"): hops},
+        0,
+        None,
     )
 
 
-@given(st.integers(0, 1000), st.integers(0, 300), st.integers(0, 100), st.integers(0, 100), st.integers(0, 100))
+@given(
+    st.integers(0, 1000), st.integers(0, 300), st.integers(0, 100), st.integers(0, 100), st.integers(0, 100)
+)
 def test_at_any_moment_captured_is_processed_and_dropped_and_in_flight(
     done: int, sampled: int, at_source: int, processed: int, at_machine: int
 ) -> None:

@@ -5,7 +5,7 @@ from pipeline.errors import InputError
 
 
 def test_a_node_that_plays_a_site_takes_the_actors_placed_there() -> None:
-    (name, needed), = placement("ground").items()
+    ((name, needed),) = placement("ground").items()
     assert needed <= all_sites(["ground", "drone-1"])[name]
 
 

@@ -5,18 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import pytest
+
 from pipeline.allocation.problem import Detector, MachineLimit, Problem
 
 GB = 1e9
 PAPER_LEVELS_KBPS = (50, 75, 100, 250, 500, 1000, 2500, 5000, 20000)
 
-#: network, machine type, period: notes on the paper, number 2
-PAPER_PERIODS = (
-    [(n, "b", p) for n, p in zip(("ssd_i", "ssd_m", "r50", "rfcn", "ssd_r50", "r101"), (1, 1, 4, 4, 4, 5))]
-    + [(n, "c", p) for n, p in zip(("ssd_i", "ssd_m", "r50", "ssd_r50", "r101", "rfcn"), (1, 1, 2, 2, 3, 3))]
-    + [(n, "d", p) for n, p in zip(("ssd_i", "ssd_m", "r50", "ssd_r50", "r101", "rfcn"), (2, 2, 2, 2, 3, 3))]
-    + [("ssd_m_cpu", kind, 2) for kind in "bcd"]
-)
+#: periods of the networks by machine type, at detPerStream 5: notes on the paper, number 2
+PAPER_PERIODS = {
+    "a": {},
+    "b": {"ssd_i": 1, "ssd_m": 1, "ssd_m_cpu": 2, "r50": 4, "rfcn": 4, "ssd_r50": 4, "r101": 5},
+    "c": {"ssd_i": 1, "ssd_m": 1, "ssd_m_cpu": 2, "r50": 2, "ssd_r50": 2, "r101": 3, "rfcn": 3},
+    "d": {"ssd_i": 2, "ssd_m": 2, "ssd_m_cpu": 2, "r50": 2, "ssd_r50": 2, "r101": 3, "rfcn": 3},
+}
 PAPER_GB = {"ssd_i": 2, "ssd_m": 2, "ssd_m_cpu": 2, "r50": 3, "ssd_r50": 3, "r101": 4, "rfcn": 4}
 PAPER_ACCURACY = {
     "ssd_i": 0.45,
@@ -32,7 +33,7 @@ PAPER_MACHINE_GB = {"a": 16, "b": 8, "c": 12, "d": 16}
 
 @pytest.fixture
 def tiny() -> Callable[..., Problem]:
-    """One stream ``v``, one machine ``m`` at one site ``s``, detectors given as (name, period, accuracy, GB)."""
+    """One stream ``v``, one machine ``m`` at one site ``s``; a detector is (name, period, accuracy, GB)."""
 
     def build(
         *detectors: tuple[str, int, float, float],
@@ -62,7 +63,7 @@ def tiny() -> Callable[..., Problem]:
 
 @pytest.fixture
 def paper_instance() -> Callable[[int, int, int], Problem]:
-    """(detectors per stream, streams, bitrate levels) -> the paper's 40 machines at 4 sites, 10 of each type."""
+    """(detectors per stream, streams, bitrate levels) -> the paper's 40 machines, 10 at each of 4 sites."""
 
     def build(detectors_per_stream: int, streams: int, levels: int) -> Problem:
         names = tuple(f"v{i}" for i in range(streams))
@@ -84,8 +85,8 @@ def paper_instance() -> Callable[[int, int, int], Problem]:
                     period / 30.0,
                 )
                 for kind, m in copies
-                for net, type_, period in PAPER_PERIODS
-                if type_ == kind and period <= detectors_per_stream
+                for net, period in PAPER_PERIODS[kind].items()
+                if period <= detectors_per_stream
             ),
             bitrates_bps=tuple(kbps * 1e3 for kbps in PAPER_LEVELS_KBPS[:levels]),
             link_bps={(v, s): link for v in names for s in "abcd"},

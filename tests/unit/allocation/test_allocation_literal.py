@@ -11,6 +11,7 @@ import pytest
 from pipeline.allocation import literal
 from pipeline.allocation.problem import Detector, MachineLimit, Problem
 from pipeline.allocation.validate import validate
+from pipeline.errors import NoPlanError
 
 Tiny = Callable[..., Problem]
 PaperInstance = Callable[[int, int, int], Problem]
@@ -99,35 +100,29 @@ def test_the_weight_balances_accuracy_against_links(tiny: Tiny) -> None:
 
 
 @pytest.mark.parametrize(
-    ("detectors_per_stream", "streams", "levels", "variables", "constraints"),
+    ("instance", "counts"),
     [
-        (1, 1, 8, 364, 91),
-        (1, 2, 8, 728, 142),
-        (1, 1, 9, 404, 91),
-        (1, 2, 9, 808, 142),
-        (1, 5, 8, 1820, 295),
-        (1, 10, 8, 3640, 550),
-        (1, 15, 8, 5460, 805),
-        (2, 1, 8, 1304, 223),
-        (2, 2, 8, 2608, 406),
-        (2, 5, 8, 6520, 955),
-        (3, 1, 8, 2384, 911),
-        (5, 1, 8, 14284, 12469),
-        (5, 50, 9, 724700, 621490),
+        ((1, 1, 8), (364, 91)),
+        ((1, 2, 8), (728, 142)),
+        ((1, 1, 9), (404, 91)),
+        ((1, 2, 9), (808, 142)),
+        ((1, 5, 8), (1820, 295)),
+        ((1, 10, 8), (3640, 550)),
+        ((1, 15, 8), (5460, 805)),
+        ((2, 1, 8), (1304, 223)),
+        ((2, 2, 8), (2608, 406)),
+        ((2, 5, 8), (6520, 955)),
+        ((3, 1, 8), (2384, 911)),
+        ((5, 1, 8), (14284, 12469)),
+        ((5, 50, 9), (724700, 621490)),
     ],
 )
 def test_counts_are_those_of_the_papers_evaluation_table(
-    paper_instance: PaperInstance,
-    detectors_per_stream: int,
-    streams: int,
-    levels: int,
-    variables: int,
-    constraints: int,
+    paper_instance: PaperInstance, instance: tuple[int, int, int], counts: tuple[int, int]
 ) -> None:
-    """The table prints counts over 1,000 in thousands ('12k'); those given here in full round to what it prints."""
-    problem = paper_instance(detectors_per_stream, streams, levels)
-    assert literal.number_of_variables(problem) == variables
-    assert literal.number_of_constraints(problem) == constraints
+    """The table prints counts over 1,000 as '12k'; those here round to what it prints."""
+    problem = paper_instance(*instance)
+    assert (literal.number_of_variables(problem), literal.number_of_constraints(problem)) == counts
 
 
 @pytest.mark.parametrize(("detectors_per_stream", "streams"), [(1, 3), (2, 2), (3, 1), (4, 1)])
@@ -160,6 +155,20 @@ def test_the_same_problem_gives_the_same_plan(paper_instance: PaperInstance) -> 
     problem = paper_instance(2, 1, 8)
     first, second = (replace(solve(problem), solve_s=0.0) for _ in range(2))
     assert first == second
+
+
+def test_two_workers_give_the_same_plan_again(tiny: Tiny) -> None:
+    """Six equal detectors: any two of them are an optimum."""
+    problem = tiny(*((name, 2, 0.8, 1.0) for name in "abcdef"), link_mbps=99.0)
+    plans = [literal.solve(problem, time_limit_s=30.0, workers=2).assignments for _ in range(4)]
+    assert plans == [plans[0]] * 4
+
+
+def test_a_model_that_no_machine_could_hold_is_refused(tiny: Tiny) -> None:
+    long_cycle = tiny(*((f"d{p}", p, 0.8, 1.0) for p in range(1, 17)), detectors_per_stream=16)
+    assert long_cycle.cycle == 720720
+    with pytest.raises(NoPlanError, match=r"11531553 variables.*720720 frames"):
+        literal.solve(long_cycle, time_limit_s=1.0)
 
 
 def test_an_ended_time_limit_says_unknown_and_assigns_nothing(paper_instance: PaperInstance) -> None:

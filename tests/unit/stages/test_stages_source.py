@@ -25,7 +25,9 @@ def video(tmp_path_factory: pytest.TempPathFactory) -> Path:
         stream = container.add_stream("libx264", rate=Fraction(30))
         stream.width, stream.height, stream.pix_fmt = 96, 64, "yuv420p"
         for _ in range(FRAMES):
-            picture = av.VideoFrame.from_ndarray(rng.integers(0, 256, (64, 96, 3), dtype=np.uint8), format="rgb24")
+            picture = av.VideoFrame.from_ndarray(
+                rng.integers(0, 256, (64, 96, 3), dtype=np.uint8), format="rgb24"
+            )
             container.mux(stream.encode(picture))
         container.mux(stream.encode())
     return path

@@ -1,0 +1,47 @@
+"""Where the person of several looks stands: the paper's average, sharpened by parallax.
+
+The paper averages the points where the looks' significant points meet the ground. For a lying person that
+point is the near edge of the body, and it moves as the camera does. But the rays through the *centres* of the
+boxes all pass close to the middle of the body, standing or lying: looks from different angles fix it by
+triangulation. Both are combined by least squares, so that without parallax (a hovering drone) the estimate is
+the paper's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pipeline.fusion.look import Look
+from pipeline.fusion.voxel_map import log_odds
+from pipeline.messages import FloatArray
+
+#: Standard deviations, metres: of the average of the ground points (the bias of lying bodies),
+#: and of the bundle of centre rays (the box's centre is not quite the same point of the body from all sides).
+_GROUND_STD_M = 0.5
+_RAYS_STD_M = 0.05
+
+
+def weights(looks: Sequence[Look]) -> FloatArray:
+    """Shares (N,) of the looks, sum 1, by the log-odds that each added to the map."""
+    added = log_odds(np.array([look.p for look in looks]))
+    return np.asarray(added / added.sum(), dtype=np.float64)
+
+
+def mean_intersection(looks: Sequence[Look]) -> FloatArray:
+    """The paper's estimate (3,): the average of the looks' ground points, weighted by their updates."""
+    return np.asarray(weights(looks) @ np.array([look.intersection_enu for look in looks]), dtype=np.float64)
+
+
+def locate(looks: Sequence[Look]) -> FloatArray:
+    """East and north (2,), metres, of the middle of the body."""
+    share = weights(looks)
+    rays = np.array([look.center_ray_enu for look in looks])
+    cameras = np.array([look.camera_enu for look in looks])
+    across = np.eye(3) - rays[:, :, None] * rays[:, None, :]
+    information = np.einsum("n,nij->ij", share, across) / _RAYS_STD_M**2
+    toward = np.einsum("n,nij,nj->i", share, across, cameras) / _RAYS_STD_M**2
+    ground = np.diag([1.0, 1.0, 0.0]) / _GROUND_STD_M**2
+    body = np.linalg.solve(information + ground, toward + ground @ mean_intersection(looks))
+    return np.asarray(body[:2], dtype=np.float64)

@@ -1,0 +1,27 @@
+"""One detection that raised the map: the evidence that a salient location rests on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from pipeline.messages import FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Look:
+    """score: 0..1. p: the probability of its positive update, 0.5..1. row, column: the voxel that it raised.
+
+    intersection_enu: float64 (3,), where the ray of the significant point meets the terrain, metres.
+    camera_enu: float64 (3,), metres. center_ray_enu: float64 (3,), unit direction of the box's centre.
+    """
+
+    time_ns: int
+    stream: str
+    detector: str
+    score: float
+    p: float
+    row: int
+    column: int
+    intersection_enu: FloatArray
+    camera_enu: FloatArray
+    center_ray_enu: FloatArray

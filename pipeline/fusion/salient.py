@@ -1,0 +1,130 @@
+"""The places where a person is likely: clusters of probable cells (the paper's sec:extract_salient)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from pipeline.config.mission import Fusion
+from pipeline.fusion.localization import locate, mean_intersection, weights
+from pipeline.fusion.look import Look
+from pipeline.fusion.voxel_map import VoxelMap
+from pipeline.geo.terrain import Terrain
+from pipeline.messages import FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SalientLocation:
+    """A place where a person is likely.
+
+    id: from 1, in the order of first sight. class_name: what is there. probability: mean of the cluster's
+    voxels, 0..1. position_enu: float64 (3,), metres, on the terrain. latitude_deg, longitude_deg: WGS84.
+    height_m: above the terrain's datum. spread_m: standard deviation of the looks' ground points about their
+    mean, horizontal. cells: voxels in the cluster. looks: detections that it rests on. first_seen_ns,
+    last_seen_ns: capture times, ns UTC. streams: who saw it, sorted.
+    """
+
+    id: int
+    class_name: str
+    probability: float
+    position_enu: FloatArray
+    latitude_deg: float
+    longitude_deg: float
+    height_m: float
+    spread_m: float
+    cells: int
+    looks: int
+    first_seen_ns: int
+    last_seen_ns: int
+    streams: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class _Cluster:
+    probability: float
+    cells: int
+    looks: list[Look]
+
+
+def salient_locations(
+    voxel_map: VoxelMap, looks: Sequence[Look], params: Fusion
+) -> tuple[SalientLocation, ...]:
+    """Locations of probability above the threshold, in the order of first sight.
+
+    Cells closer than the cluster distance make one cluster (Euclidean cluster extraction on the cells'
+    centres). A look belongs to the cluster of the nearest cell, at most half the cluster distance away. A
+    cluster without a look is none.
+    """
+    clusters = [cluster for cluster in _clusters(voxel_map, looks, params) if cluster.looks]
+    clusters.sort(key=lambda cluster: cluster.looks[0].time_ns)
+    return tuple(_location(voxel_map.terrain, i, cluster) for i, cluster in enumerate(clusters, start=1))
+
+
+def _clusters(voxel_map: VoxelMap, looks: Sequence[Look], params: Fusion) -> list[_Cluster]:
+    probability = voxel_map.probability()
+    rows, columns = np.nonzero((probability > params.threshold) & (voxel_map.observations > 0))
+    if rows.size == 0:
+        return []
+    tree = cKDTree(voxel_map.terrain.centers(rows, columns))
+    count, labels = _euclidean_clusters(tree, params.cluster_distance)
+    mine = _looks_of(tree, labels, count, looks, params.cluster_distance / 2.0)
+    p = probability[rows, columns].astype(np.float64)
+    return [_Cluster(float(p[labels == k].mean()), int((labels == k).sum()), mine[k]) for k in range(count)]
+
+
+def _euclidean_clusters(tree: cKDTree, distance_m: float) -> tuple[int, NDArray[np.int32]]:
+    """Number of clusters and the cluster of each point; points within the distance are together."""
+    pairs = tree.query_pairs(distance_m, output_type="ndarray")
+    links = coo_array(
+        (np.ones(len(pairs), dtype=np.int8), (pairs[:, 0], pairs[:, 1])), shape=(tree.n, tree.n)
+    )
+    count, labels = connected_components(links, directed=False)
+    return int(count), labels
+
+
+def _looks_of(
+    tree: cKDTree, labels: NDArray[np.int32], count: int, looks: Sequence[Look], reach_m: float
+) -> list[list[Look]]:
+    """The looks of each cluster, in their order."""
+    found: list[list[Look]] = [[] for _ in range(count)]
+    if looks:
+        _, nearest = tree.query(
+            np.array([look.intersection_enu for look in looks]), distance_upper_bound=reach_m
+        )
+        for look, point in zip(looks, np.asarray(nearest).tolist(), strict=True):
+            if point < tree.n:
+                found[labels[point]].append(look)
+    return found
+
+
+def _location(terrain: Terrain, number: int, cluster: _Cluster) -> SalientLocation:
+    looks = cluster.looks
+    middle = mean_intersection(looks)
+    east, north = (float(x) for x in locate(looks))
+    height = terrain.height(east, north)
+    if math.isnan(height):
+        height = float(middle[2])
+    latitude, longitude = terrain.frame.wgs84_from_enu(np.array(east), np.array(north))
+    offsets = np.array([look.intersection_enu for look in looks])[:, :2] - middle[:2]
+    return SalientLocation(
+        id=number,
+        class_name="person",
+        probability=cluster.probability,
+        position_enu=np.array([east, north, height]),
+        latitude_deg=float(latitude),
+        longitude_deg=float(longitude),
+        height_m=height,
+        spread_m=math.sqrt(float(weights(looks) @ (offsets**2).sum(axis=1))),
+        cells=cluster.cells,
+        looks=len(looks),
+        first_seen_ns=min(look.time_ns for look in looks),
+        last_seen_ns=max(look.time_ns for look in looks),
+        streams=tuple(sorted({look.stream for look in looks})),
+    )

@@ -1,0 +1,63 @@
+"""Rendering on all cores, in order, with no more pictures in memory than the encoder can soon take."""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections import deque
+from collections.abc import Iterator
+from multiprocessing.pool import AsyncResult
+
+import numpy as np
+
+from pipeline.config.scenario import Scenario
+from pipeline.simulation.rehearsal import Rehearsal, rehearse
+from pipeline.simulation.renderer import Picture, Renderer
+
+_SENSOR_STREAM = 5
+#: pictures under way for each worker: one in work, and some that wait
+_AHEAD = 3
+
+_worker: FrameRenderer | None = None
+
+
+class FrameRenderer:
+    """Renders any frame of any drone; what it draws depends on nothing else."""
+
+    def __init__(self, rehearsal: Rehearsal) -> None:
+        self._rehearsal = rehearsal
+        self._renderer = Renderer(rehearsal.scene, rehearsal.camera)
+
+    def __call__(self, drone: int, index: int) -> Picture:
+        """One picture."""
+        flight = self._rehearsal.flights[drone]
+        rng = np.random.default_rng([self._rehearsal.scenario.seed, _SENSOR_STREAM, drone, index])
+        return self._renderer.render(flight.pose(index), float(flight.times_s[index]), rng)
+
+
+def rendered(rehearsal: Rehearsal, drone: int, workers: int) -> Iterator[Picture]:
+    """All pictures of a drone's flight, in order. One worker renders in this process."""
+    indices = range(len(rehearsal.flights[drone].times_s))
+    if workers == 1:
+        renderer = FrameRenderer(rehearsal)
+        yield from (renderer(drone, index) for index in indices)
+        return
+    # a forked child would inherit Embree's threads in an unknown state
+    context = multiprocessing.get_context("spawn")
+    waiting: deque[AsyncResult[Picture]] = deque()
+    with context.Pool(workers, _start, (rehearsal.scenario,)) as pool:
+        for index in indices:
+            waiting.append(pool.apply_async(_render, (drone, index)))
+            if len(waiting) >= _AHEAD * workers:
+                yield waiting.popleft().get()
+        while waiting:
+            yield waiting.popleft().get()
+
+
+def _start(scenario: Scenario) -> None:
+    global _worker  # noqa: PLW0603 - a pool's workers have no other place to keep what all their tasks need
+    _worker = FrameRenderer(rehearse(scenario))
+
+
+def _render(drone: int, index: int) -> Picture:
+    assert _worker is not None
+    return _worker(drone, index)

@@ -1,0 +1,57 @@
+"""``searchlight train``: from a training file to a detector and its card."""
+
+from __future__ import annotations
+
+import datetime
+from pathlib import Path
+
+from pipeline.simulation.dataset import MISSION_VIEWS, TRAINING_VIEWS
+from pipeline.training.card import write_card
+from pipeline.training.config import Data, Training, load_training
+from pipeline.training.export import export_onnx
+from pipeline.training.optimiser import Optimiser, Progress
+from pipeline.training.pictures import PictureSet, is_complete, open_pictures, render_pictures, shots
+
+
+def train(
+    config_path: Path, out: Path, *, progress: Progress, data: Path | None = None, workers: int = 2
+) -> Path:
+    """Train the detector of a training file; returns the ONNX file, NAME.onnx in out, with NAME.card.yaml beside it.
+
+    Goes on from NAME.pt in out if it is there. data: where the rendered pictures are kept, ``out / "data"`` if not
+    given; pictures that are there already are used again. workers: processes that render.
+    Raises InputError for a bad training file, or a checkpoint or pictures of another one.
+    """
+    training = load_training(config_path)
+    out.mkdir(parents=True, exist_ok=True)
+    learned, held_out = prepare(training.data, data or out / "data", workers, progress)
+    optimiser = Optimiser(training)
+    checkpoint, model = out / f"{training.name}.pt", out / f"{training.name}.onnx"
+    if checkpoint.is_file():
+        optimiser.resume(checkpoint)
+    optimiser.run(learned, checkpoint, progress, lambda: _export(optimiser, training, model))
+    _export(optimiser, training, model)
+    write_card(training, model, held_out, datetime.date.today())
+    return model
+
+
+def prepare(data: Data, folder: Path, workers: int, progress: Progress) -> tuple[PictureSet, PictureSet]:
+    """The pictures to learn from and those held out, rendered if they are not there yet."""
+    plans = {
+        "train": shots(data.train_seed, data.train_scenes, data.train_pictures, "train", TRAINING_VIEWS),
+        "held_out": shots(
+            data.held_out_seed, data.held_out_scenes, data.held_out_pictures, "mission", MISSION_VIEWS
+        ),
+    }
+    for name, plan in plans.items():
+        if not is_complete(folder / name):
+            render_pictures(
+                folder / name, plan, workers, lambda done, total: progress("rendering", done, total, "")
+            )
+    learned, held_out = (open_pictures(folder / name, plan) for name, plan in plans.items())
+    return learned, held_out
+
+
+def _export(optimiser: Optimiser, training: Training, model: Path) -> None:
+    size = training.input
+    export_onnx(optimiser.mean, model, width=size.width, height=size.height, name=training.name)

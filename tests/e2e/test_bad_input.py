@@ -1,0 +1,193 @@
+"""Each thing that can be wrong with a mission is one line: where, what was found, what would be right."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rasterio
+
+from actors.cli import main
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def replace(name: str, old: str, new: str) -> Callable[[Path], None]:
+    def change(folder: Path) -> None:
+        text = (folder / name).read_text()
+        assert old in text, f"{old!r} is not in {name}"
+        (folder / name).write_text(text.replace(old, new, 1))
+
+    return change
+
+
+def truncate_video(folder: Path) -> None:
+    video = folder / "drone-1.mp4"
+    video.write_bytes(video.read_bytes()[: video.stat().st_size // 2])
+
+
+def shorten_telemetry(folder: Path) -> None:
+    track = folder / "drone-1.srt"
+    blocks = track.read_text().split("\n\n")
+    track.write_text("\n\n".join(blocks[: len(blocks) // 2]) + "\n\n")
+
+
+def strip_crs(folder: Path) -> None:
+    with rasterio.open(folder / "terrain.tif") as source:
+        profile, heights = source.profile, source.read()
+    profile.update(crs=None)
+    with rasterio.open(folder / "terrain.tif", "w", **profile) as target:
+        target.write(heights)
+
+
+def move_terrain(folder: Path) -> None:
+    with rasterio.open(folder / "terrain.tif") as source:
+        profile, heights = source.profile, source.read()
+    profile.update(transform=rasterio.Affine.translation(500.0, 0.0) * profile["transform"])
+    with rasterio.open(folder / "terrain.tif", "w", **profile) as target:
+        target.write(heights)
+
+
+def lift_terrain(folder: Path) -> None:
+    with rasterio.open(folder / "terrain.tif", "r+") as target:
+        target.write(target.read() + np.float32(100.0))
+
+
+def not_a_model(folder: Path) -> None:
+    (folder / "nano.onnx").write_bytes(b"not a model")
+    _use_model(folder, folder / "nano.onnx")
+
+
+def another_model(folder: Path) -> None:
+    onnx = pytest.importorskip("onnx", reason="the extra [train] is not installed")
+    helper = onnx.helper
+    value = helper.make_tensor_value_info("x", onnx.TensorProto.FLOAT, [1, 7])
+    out = helper.make_tensor_value_info("y", onnx.TensorProto.FLOAT, [1, 7])
+    graph = helper.make_graph([helper.make_node("Identity", ["x"], ["y"])], "g", [value], [out])
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
+    onnx.save(model, folder / "other.onnx")
+    _use_model(folder, folder / "other.onnx")
+
+
+def _use_model(folder: Path, model: Path) -> None:
+    pool = (folder / "pool.yaml").read_text().splitlines()
+    line = next(i for i, text in enumerate(pool) if "model:" in text)
+    pool[line] = pool[line].split("model:")[0] + f"model: {model}"
+    (folder / "pool.yaml").write_text("\n".join(pool) + "\n")
+
+
+BAD = {
+    "missing video": (lambda f: (f / "drone-1.mp4").unlink(), "drone-1.mp4"),
+    "truncated video": (truncate_video, "drone-1.mp4"),
+    "empty telemetry": (lambda f: (f / "drone-1.srt").write_text(""), "drone-1.srt"),
+    "telemetry that ends before the video": (shorten_telemetry, "drone-1.srt"),
+    "unknown key": (replace("mission.yaml", "name:", "colour: red\nname:"), "colour"),
+    "wrong unit": (replace("mission.yaml", "meters: 0.5", "seconds: 0.5"), "cell_size"),
+    "number without a unit": (replace("inventory.yaml", "{mbps: 6}", "6"), "bandwidth"),
+    "text that is not YAML": (replace("mission.yaml", "name:", "name: [\n"), "mission.yaml"),
+    "terrain without a CRS": (strip_crs, "CRS"),
+    "terrain elsewhere": (move_terrain, "terrain.tif"),
+    "terrain above the drone": (lift_terrain, "terrain.tif"),
+    "terrain that is no raster": (lambda f: (f / "terrain.tif").write_text("hills"), "terrain.tif"),
+    "detector that is not ONNX": (not_a_model, "nano.onnx"),
+    "detector of an unknown layout": (another_model, "other.onnx"),
+    "missing detector": (lambda f: _use_model(f, f / "absent.onnx"), "absent.onnx"),
+    "machine type without times": (
+        replace("inventory.yaml", "type: workstation", "type: mainframe"),
+        "mainframe",
+    ),
+    "site that is not there": (replace("mission.yaml", "site: drone-1", "site: nowhere"), "nowhere"),
+    "link of an unknown stream": (replace("inventory.yaml", "stream: drone-1", "stream: drone-7"), "drone-7"),
+}
+
+
+@pytest.fixture
+def mission(small_mission: Path, tmp_path: Path) -> Path:
+    """A copy that may be spoiled, with inventory and pool beside it."""
+    folder = tmp_path / "mission"
+    shutil.copytree(small_mission.parent, folder)
+    return folder / small_mission.name
+
+
+def check(
+    mission: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> tuple[int, str]:
+    monkeypatch.setattr(sys, "argv", ["searchlight", "check", str(mission)])
+    with pytest.raises(SystemExit) as stop:
+        main()
+    return int(stop.value.code or 0), capsys.readouterr().err
+
+
+def test_a_good_mission_passes_the_check(
+    mission: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, said = check(mission, monkeypatch, capsys)
+    assert (code, said.count("\n")) == (0, 1), said
+
+
+@pytest.mark.parametrize("fault", BAD)
+def test_bad_input_is_one_line_and_exit_code_2(
+    fault: str, mission: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    spoil, named = BAD[fault]
+    spoil(mission.parent)
+    code, said = check(mission, monkeypatch, capsys)
+    assert code == 2, said
+    assert said.count("\n") == 1, said
+    assert "Traceback" not in said
+    assert named in said
+    assert "found" in said
+    assert "expected" in said
+
+
+def test_a_mission_that_no_allocation_satisfies_names_the_limits_that_clash(
+    mission: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    inventory = mission.parent / "inventory.yaml"
+    inventory.write_text(
+        inventory.read_text().replace("gigabytes: 2", "megabytes: 1").replace("gigabytes: 8", "megabytes: 1")
+    )
+    code, said = check(mission, monkeypatch, capsys)
+    assert (code, said.count("\n")) == (2, 1), said
+    assert "ground-pc" in said or "memory" in said
+
+
+def test_a_bad_mission_leaves_no_run_directory(mission: Path, tmp_path: Path) -> None:
+    truncate_video(mission.parent)
+    command = [
+        sys.executable,
+        "-m",
+        "actors.cli",
+        "run",
+        str(mission),
+        "--out",
+        str(tmp_path / "run"),
+        "--local",
+    ]
+    result = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert result.returncode == 2
+    assert "Traceback" not in result.stderr
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_folder_that_is_not_a_run_directory_is_left_alone(mission: Path, tmp_path: Path) -> None:
+    (tmp_path / "home").mkdir()
+    (tmp_path / "home" / "letter.txt").write_text("dear")
+    command = [
+        sys.executable,
+        "-m",
+        "actors.cli",
+        "run",
+        str(mission),
+        "--out",
+        str(tmp_path / "home"),
+        "--local",
+    ]
+    result = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert result.returncode == 2
+    assert [p.name for p in (tmp_path / "home").iterdir()] == ["letter.txt"]

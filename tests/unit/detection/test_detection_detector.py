@@ -1,0 +1,77 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.detection import Detector, load_detector
+from pipeline.detection.layouts.searchlight import SearchlightLayout
+from pipeline.errors import InputError
+
+NANO = Path(__file__).parents[3] / "configs" / "detectors" / "nano.onnx"
+
+
+class FakeSession:
+    """Answers with fixed boxes in pixels of an input of 512 x 288."""
+
+    def run(self, inputs):
+        assert inputs["image"].shape == (1, 288, 512, 3)
+        boxes = [[10, 10, 30, 60], [11, 10, 31, 60], [200, 100, 600, 400], [0, 0, 5, 5]]
+        return [np.array([boxes], np.float32), np.array([[0.8, 0.9, 0.5, 0.1]], np.float32)]
+
+
+def test_detections_are_suppressed_scaled_back_and_kept_inside_the_picture():
+    detector = Detector(FakeSession(), SearchlightLayout(512, 288), score_threshold=0.3)
+    boxes, scores, classes = detector.detect(np.zeros((576, 1024, 3), np.uint8))
+    np.testing.assert_allclose(boxes, [[22, 20, 62, 120], [400, 200, 1024, 576]])
+    np.testing.assert_allclose(scores, [0.9, 0.5], rtol=1e-6)
+    assert (boxes.dtype, scores.dtype, classes.dtype) == (np.float64, np.float64, np.int64)
+
+
+def test_nothing_found_has_the_shapes_of_no_boxes():
+    detector = Detector(FakeSession(), SearchlightLayout(512, 288), score_threshold=0.95)
+    boxes, scores, classes = detector.detect(np.zeros((576, 1024, 3), np.uint8))
+    assert (boxes.shape, scores.shape, classes.shape) == ((0, 4), (0,), (0,))
+
+
+@pytest.mark.parametrize("content", [b"", b"this is text, not a network", b"\x08\x07\x12\x04" * 100])
+def test_a_file_that_is_not_onnx_is_named_in_one_line(tmp_path, content):
+    path = tmp_path / "detector.onnx"
+    path.write_bytes(content)
+    with pytest.raises(InputError) as error:
+        load_detector(path, score_threshold=0.3)
+    assert str(path) in str(error.value)
+    assert "ONNX" in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(InputError, match=r"nobody\.onnx.*no file"):
+        load_detector(tmp_path / "nobody.onnx", score_threshold=0.3)
+
+
+def test_an_unknown_layout_is_refused_with_the_known_ones(tmp_path):
+    onnx = pytest.importorskip("onnx", reason="the extra [train] is not installed")
+    value = [
+        onnx.helper.make_tensor_value_info(name, onnx.TensorProto.FLOAT, [1, 3, 8, 8]) for name in "xy"
+    ]
+    graph = onnx.helper.make_graph([onnx.helper.make_node("Relu", ["x"], ["y"])], "g", value[:1], value[1:])
+    path = tmp_path / "relu.onnx"
+    onnx.save(onnx.helper.make_model(graph, opset_imports=[onnx.helper.make_opsetid("", 17)], ir_version=8), path)
+    with pytest.raises(InputError, match=r"relu\.onnx.*unknown layout.*searchlight, fastestdet, nanodet"):
+        load_detector(path, score_threshold=0.3)
+
+
+@pytest.mark.skipif(not NANO.is_file(), reason="no shipped nano.onnx")
+def test_a_provider_that_is_not_installed_is_refused():
+    with pytest.raises(InputError, match="provider 'abacus'"):
+        load_detector(NANO, score_threshold=0.3, provider="abacus")
+
+
+@pytest.mark.skipif(not NANO.is_file(), reason="no shipped nano.onnx")
+def test_the_same_picture_gives_the_same_boxes_bit_for_bit():
+    image = np.random.default_rng(0).integers(0, 256, (576, 1024, 3), dtype=np.uint8)
+    results = [load_detector(NANO, score_threshold=0.0).detect(image) for _ in range(2)]
+    for a, b in zip(*results, strict=True):
+        assert a.tobytes() == b.tobytes()

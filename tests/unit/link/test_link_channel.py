@@ -1,0 +1,298 @@
+"""Messages arrive whole, in order, at the link's pace, and only from those who hold the token."""
+
+import math
+import queue
+import socket
+import threading
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+
+from pipeline.errors import ProtocolError
+from pipeline.link import handshake
+from pipeline.link.channel import LinkSender, Receiver
+from pipeline.link.framing import frame
+from pipeline.link.token_bucket import TokenBucket
+from pipeline.messages import MAX_MESSAGE_BYTES, CameraPose, Dropped, EndOfStream, Message, Packet, pack
+
+TOKEN = b"a token for this test"
+WAIT_S = 20.0
+
+
+class FakeTime:
+    """A clock that only sleeping moves; safe to read from any thread."""
+
+    def __init__(self) -> None:
+        self.now_s = 0.0
+
+    def clock(self) -> float:
+        return self.now_s
+
+    def sleep(self, seconds: float) -> None:
+        self.now_s += seconds
+
+
+def dropped(index: int, reason: str = "late") -> Dropped:
+    return Dropped("drone-1", "small", index, 1_000 * index, reason)
+
+
+def packet(nbytes: int) -> Packet:
+    pose = CameraPose(np.arange(3.0), np.eye(3))
+    return Packet("drone-1", "small", 0, 0, 0, 1, 30, True, pose, bytes(nbytes))
+
+
+def wire_bytes(message: Message) -> int:
+    return len(frame(pack(message)))
+
+
+@pytest.fixture
+def inbox() -> Iterator[tuple[Receiver, "queue.Queue[Message]"]]:
+    messages: queue.Queue[Message] = queue.Queue()
+    receiver = Receiver("127.0.0.1", messages.put, token=TOKEN)
+    yield receiver, messages
+    receiver.close()
+
+
+@pytest.fixture
+def link() -> Iterator[Callable[..., LinkSender]]:
+    senders: list[LinkSender] = []
+
+    def make(
+        rate_bps: float = math.inf, burst_bytes: int = 4096, capacity_bytes: int = 10**6, **time: object
+    ) -> LinkSender:
+        senders.append(LinkSender(TokenBucket(rate_bps, burst_bytes), capacity_bytes=capacity_bytes, **time))  # type: ignore[arg-type]
+        return senders[-1]
+
+    yield make
+    for sender in senders:
+        sender.close()
+
+
+def eventually(condition: Callable[[], bool]) -> bool:
+    """Poll; how long it takes is not part of any test."""
+    wait = threading.Event()
+    return any(condition() or wait.wait(0.01) for _ in range(int(WAIT_S / 0.01)))
+
+
+def test_messages_arrive_as_they_were_and_in_order(inbox, link) -> None:  # type: ignore[no-untyped-def]
+    receiver, messages = inbox
+    sender = link()
+    sender.connect("ground", receiver.address, TOKEN)
+    for index in range(200):
+        assert sender.send("ground", dropped(index))
+    sender.send("ground", packet(3_000_000))
+    assert [messages.get(timeout=WAIT_S) for _ in range(200)] == [dropped(index) for index in range(200)]
+    received = messages.get(timeout=WAIT_S)
+    assert isinstance(received, Packet)
+    assert received.data == bytes(3_000_000)
+    np.testing.assert_array_equal(received.pose.position_enu, np.arange(3.0))
+    assert sender.flush(WAIT_S)
+    assert sender.bytes_sent == sum(wire_bytes(dropped(i)) for i in range(200)) + wire_bytes(
+        packet(3_000_000)
+    )
+
+
+def test_two_connections_share_the_link_and_each_gets_its_own(link) -> None:  # type: ignore[no-untyped-def]
+    boxes: list[queue.Queue[Message]] = [queue.Queue(), queue.Queue()]
+    receivers = [Receiver("127.0.0.1", box.put, token=TOKEN) for box in boxes]
+    sender = link()
+    for name, receiver in zip("ab", receivers, strict=True):
+        sender.connect(name, receiver.address, TOKEN)
+    for index in range(50):
+        sender.send("ab"[index % 2], dropped(index))
+    for parity, box in enumerate(boxes):
+        assert [box.get(timeout=WAIT_S).index for _ in range(25)] == list(range(parity, 50, 2))  # type: ignore[union-attr]
+    for receiver in receivers:
+        receiver.close()
+
+
+def test_the_bytes_on_the_wire_take_the_time_that_the_link_needs(inbox, link) -> None:  # type: ignore[no-untyped-def]
+    receiver, _ = inbox
+    time, rate_bps, burst_bytes = FakeTime(), 1e6, 5000
+    sender = link(rate_bps, burst_bytes, clock=time.clock, sleep=time.sleep)
+    sender.connect("ground", receiver.address, TOKEN)
+    total = 0
+    for index in range(10):
+        message = packet(25_000 + index)
+        total += wire_bytes(message)
+        sender.send("ground", message)
+    assert sender.flush(WAIT_S)
+    assert sender.bytes_sent == total
+    assert time.now_s == pytest.approx((total - burst_bytes) * 8 / rate_bps)
+
+
+def test_a_large_message_takes_the_link_evenly(inbox, link) -> None:  # type: ignore[no-untyped-def]
+    receiver, _ = inbox
+    time, naps = FakeTime(), []
+    rate_bps, burst_bytes = 1e6, 5000
+
+    def sleep(seconds: float) -> None:
+        naps.append(seconds)
+        time.sleep(seconds)
+
+    sender = link(rate_bps, burst_bytes, clock=time.clock, sleep=sleep)
+    sender.connect("ground", receiver.address, TOKEN)
+    sender.send("ground", packet(100_000))
+    assert sender.flush(WAIT_S)
+    assert len(naps) > 50
+    assert max(naps) <= 0.011
+
+
+def test_the_backlog_is_the_link_time_of_what_waits(link, inbox) -> None:  # type: ignore[no-untyped-def]
+    receiver, _ = inbox
+    gate = threading.Event()
+    sender = link(1e6, 1000, clock=lambda: 0.0, sleep=lambda _: gate.wait(WAIT_S))
+    sender.connect("ground", receiver.address, TOKEN)
+    assert sender.backlog_s() == 0.0
+    sender.send("ground", packet(50_000))
+    assert sender.backlog_s() == pytest.approx(wire_bytes(packet(50_000)) * 8 / 1e6, rel=0.05)
+    gate.set()
+
+
+def test_a_full_queue_blocks_and_a_sender_in_no_mood_to_wait_is_told(inbox, link) -> None:  # type: ignore[no-untyped-def]
+    receiver, messages = inbox
+    gate = threading.Event()
+    sender = link(8e3, 1000, capacity_bytes=2000, sleep=lambda _: gate.wait(WAIT_S))
+    sender.connect("ground", receiver.address, TOKEN)
+    assert sender.send("ground", packet(50_000), timeout_s=0)  # larger than the queue, which is empty
+    assert not sender.send("ground", dropped(1), timeout_s=0)
+    assert not sender.send("ground", dropped(1), timeout_s=0.05)
+    assert not sender.flush(0.05)
+    threading.Timer(0.05, gate.set).start()
+    assert sender.send("ground", dropped(2))
+    assert isinstance(messages.get(timeout=WAIT_S), Packet)
+    assert messages.get(timeout=WAIT_S) == dropped(2)
+
+
+def test_a_receiver_that_does_not_take_messages_holds_up_its_sender(link) -> None:  # type: ignore[no-untyped-def]
+    gate, taken = threading.Event(), []
+
+    def slow(message: Message) -> None:
+        gate.wait(WAIT_S)
+        taken.append(message)
+
+    receiver = Receiver("127.0.0.1", slow, token=TOKEN)
+    sender = link(capacity_bytes=1_000_000)
+    sender.connect("ground", receiver.address, TOKEN)
+    sent = 0
+    while sender.send("ground", packet(1_000_000), timeout_s=0.3):
+        sent += 1
+        assert sent < 100, "nothing holds the sender up"
+    gate.set()
+    assert sender.flush(WAIT_S)
+    assert eventually(lambda: len(taken) == sent)
+    receiver.close()
+
+
+def test_the_wrong_token_is_refused_at_both_ends(inbox, link) -> None:  # type: ignore[no-untyped-def]
+    receiver, messages = inbox
+    with pytest.raises((ProtocolError, ConnectionError)):
+        link().connect("ground", receiver.address, b"another token")
+    assert eventually(lambda: receiver.rejected == 1)
+    assert messages.empty()
+
+
+def test_a_server_without_the_token_gets_no_message(link) -> None:  # type: ignore[no-untyped-def]
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def pretend() -> None:
+            connection, _ = server.accept()
+            with connection:
+                connection.sendall(bytes(32))
+                connection.recv(64)
+                connection.sendall(bytes(32))
+
+        threading.Thread(target=pretend, daemon=True).start()
+        with pytest.raises(ProtocolError, match="the server of a link does not hold the token"):
+            link().connect("ground", server.getsockname()[:2], TOKEN)
+
+
+@pytest.mark.parametrize(
+    "junk",
+    [
+        frame(b"\x80\x04\x95pickle"),
+        frame(b""),
+        (MAX_MESSAGE_BYTES + 1).to_bytes(4, "big"),
+        frame(b"\xc1" * 30),
+    ],
+)
+def test_bytes_that_are_no_message_close_the_connection_and_are_counted(inbox, junk: bytes) -> None:  # type: ignore[no-untyped-def]
+    receiver, messages = inbox
+    with socket.create_connection(receiver.address, timeout=WAIT_S) as peer:
+        handshake.connect(peer, TOKEN)
+        peer.settimeout(WAIT_S)
+        peer.sendall(frame(pack(EndOfStream("drone-1", "small"))))
+        assert messages.get(timeout=WAIT_S) == EndOfStream("drone-1", "small")
+        peer.sendall(junk)
+        assert peer.recv(1) == b""
+    assert receiver.rejected == 1
+    assert messages.empty()
+
+
+def test_a_peer_that_skips_the_handshake_is_not_heard(inbox) -> None:  # type: ignore[no-untyped-def]
+    receiver, messages = inbox
+    with socket.create_connection(receiver.address, timeout=WAIT_S) as peer:
+        peer.recv(32)
+        peer.sendall(frame(pack(dropped(1))).ljust(64, b"\0"))
+        assert eventually(lambda: receiver.rejected == 1)
+    assert messages.empty()
+
+
+def test_a_broken_connection_is_reported_counted_and_can_be_made_again(link) -> None:  # type: ignore[no-untyped-def]
+    first = Receiver("127.0.0.1", lambda _: None, token=TOKEN)
+    sender = link()
+    sender.connect("ground", first.address, TOKEN)
+    sender.send("ground", dropped(0))
+    assert sender.flush(WAIT_S)
+    first.close()
+    sender.send("ground", dropped(1))
+    assert sender.flush(WAIT_S)
+    assert isinstance(sender.error, OSError)
+    assert sender.lost == 1
+    with pytest.raises(ConnectionError, match="link 'ground'"):
+        sender.send("ground", dropped(2))
+    messages: queue.Queue[Message] = queue.Queue()
+    second = Receiver("127.0.0.1", messages.put, token=TOKEN)
+    sender.connect("ground", second.address, TOKEN)
+    assert sender.error is None
+    sender.send("ground", dropped(3))
+    assert messages.get(timeout=WAIT_S) == dropped(3)
+    second.close()
+
+
+def test_one_broken_connection_leaves_the_others_alone(inbox, link) -> None:  # type: ignore[no-untyped-def]
+    receiver, messages = inbox
+    gone = Receiver("127.0.0.1", lambda _: None, token=TOKEN)
+    sender = link()
+    sender.connect("gone", gone.address, TOKEN)
+    sender.connect("ground", receiver.address, TOKEN)
+    gone.close()
+    sender.send("gone", dropped(0))
+    sender.send("ground", dropped(1))
+    assert messages.get(timeout=WAIT_S) == dropped(1)
+
+
+def test_an_exception_of_the_taker_closes_the_connection_and_is_kept(link) -> None:  # type: ignore[no-untyped-def]
+    def fail(_: Message) -> None:
+        raise RuntimeError("no room in the house")
+
+    receiver = Receiver("127.0.0.1", fail, token=TOKEN)
+    sender = link()
+    sender.connect("ground", receiver.address, TOKEN)
+    sender.send("ground", dropped(0))
+    assert eventually(lambda: isinstance(receiver.error, RuntimeError))
+    assert receiver.rejected == 0
+    receiver.close()
+
+
+def test_sending_nowhere_or_after_the_end_is_an_error_and_closing_wakes_who_waits(inbox, link) -> None:  # type: ignore[no-untyped-def]
+    receiver, _ = inbox
+    sender = link(8e3, 1000, capacity_bytes=2000, sleep=lambda _: threading.Event().wait(0.05))
+    with pytest.raises(ConnectionError):
+        sender.send("ground", dropped(0))
+    sender.connect("ground", receiver.address, TOKEN)
+    sender.send("ground", packet(50_000))
+    threading.Timer(0.05, sender.close).start()
+    with pytest.raises(ConnectionError, match="closed"):
+        sender.send("ground", packet(50_000))
