@@ -206,5 +206,7 @@ def _record(cls: type, values: dict[str, Any]) -> Any:
             dtype, shape = _ARRAYS[field.name]
             wanted = tuple(count if size == -1 else size for size in shape)
             if value.dtype != dtype or value.shape != wanted:
-                raise ProtocolError(f"{cls.__name__}.{field.name} is {value.dtype} {value.shape}, not {wanted}")
+                raise ProtocolError(
+                    f"{cls.__name__}.{field.name} is {value.dtype} {value.shape}, not {wanted}"
+                )
     return cls(**values)

@@ -81,14 +81,14 @@ def prepare(path: Path, thorough: bool = False) -> PreparedMission:
         _terrain_covers(mission, terrain, stream)
     _models_load(pool)
     own_site = {s.id: s.site for s in mission.streams}
-    problem = build_problem(own_site, mission.processing, inventory, pool, where=mission.inventory)
+    problem = build_problem(own_site, mission.processing, inventory, pool, where=path)
     return PreparedMission(path, mission, inventory, pool, terrain, cameras, streams, problem)
 
 
-def plan(prepared: PreparedMission, workers: int = 2) -> Plan:
+def plan(prepared: PreparedMission) -> Plan:
     """The optimal plan. Raises NoPlanError if there is none, naming the limits that clash."""
     limit_s = prepared.mission.processing.time_limit
-    result = solve(prepared.problem, time_limit_s=limit_s, workers=workers)
+    result = solve(prepared.problem, time_limit_s=limit_s)
     if result.status == "infeasible":
         raise NoPlanError(
             f"{prepared.path}: no allocation satisfies the mission: {explain(prepared.problem)}"

@@ -18,7 +18,10 @@ _MISMATCH = "mismatch"
 
 
 def mismatch(found: str, expected: str, at: Sequence[str | int] = ()) -> PydanticCustomError:
-    """What a validator raises if it can say it better than pydantic. at: the way to the fault from the validated value."""
+    """What a validator raises where it knows better words than pydantic.
+
+    at: the way from the validated value to the fault.
+    """
     return PydanticCustomError(_MISMATCH, "mismatch", {"found": found, "expected": expected, "at": tuple(at)})
 
 
@@ -30,7 +33,7 @@ class Strict(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _keys_are_known(cls, data: Any) -> Any:
-        # before "missing": a key with a slip of the pen is unknown and missing, and the slip is what to look at
+        # before "missing": a misspelt key is both unknown and missing, and its spelling is what to look at
         for key in data if isinstance(data, dict) else ():
             if key not in cls.model_fields:
                 raise mismatch("an unknown key", "one of " + ", ".join(cls.model_fields), at=(str(key),))
@@ -76,11 +79,11 @@ def _parse(path: Path) -> yaml.Node:
 
 
 class _Loader(yaml.SafeLoader):
-    """SafeLoader, but a scalar that its tag does not fit is a YAMLError with a line, not whatever Python raises."""
+    """SafeLoader, but a scalar that does not fit its tag is a YAMLError with a line."""
 
     def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
         try:
-            return super().construct_object(node, deep)  # type: ignore[no-untyped-call]
+            return super().construct_object(node, deep)
         except (ValueError, OverflowError, LookupError, AttributeError, TypeError) as error:
             tag = node.tag.rpartition(":")[2]
             raise yaml.constructor.ConstructorError(None, None, f"not a {tag}", node.start_mark) from error
@@ -89,7 +92,7 @@ class _Loader(yaml.SafeLoader):
 def _plain(path: Path, node: yaml.Node) -> Any:
     try:
         _refuse_duplicates(path, node, set())
-        return _Loader("").construct_document(node)  # type: ignore[no-untyped-call]
+        return _Loader("").construct_document(node)
     except yaml.YAMLError as error:
         raise _not_yaml(path, error) from None
     except RecursionError:

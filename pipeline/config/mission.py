@@ -26,7 +26,7 @@ class Terrain(Strict):
 class Telemetry(Strict):
     """Where the camera was. time_offset is added to the telemetry's time to get the video's.
 
-    height: which height field to use; ``absolute`` is above height_datum, ``relative`` is above takeoff_height.
+    height: which height field to use; ``absolute`` is above height_datum, ``relative`` above takeoff_height.
     geoid_undulation: height of the geoid above the ellipsoid there, needed if the datums differ.
     """
 

@@ -60,7 +60,7 @@ class Pool(Strict):
     """The detectors, and where the numbers come from."""
 
     detectors: tuple[PoolDetector, ...] = Field(min_length=1)
-    provenance: dict[str, Any] = {}
+    provenance: dict[str, Any] = Field(default_factory=dict)
     assumed: tuple[str, ...] = ()
 
     @model_validator(mode="after")

@@ -56,7 +56,7 @@ class Area(Strict):
 
 
 class People(Strict):
-    """places: how many people. half_hidden: so many of them with something in front. walkers: so many walk."""
+    """places: how many people. half_hidden: so many with something in front. walkers: so many walk."""
 
     places: int = Field(ge=0, le=200)
     half_hidden: int = Field(ge=0)
@@ -68,7 +68,8 @@ class People(Strict):
 class FlightPlan(Strict):
     """A lawn-mower pattern, the lanes split between the drones.
 
-    height: above the smoothed ground. pitch: of the camera, negative is down. longest: the flight ends then at last.
+    height: above the smoothed ground. pitch: of the camera, negative is down.
+    longest: the flight ends then at last.
     """
 
     drones: int = Field(ge=1, le=26)

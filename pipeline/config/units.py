@@ -20,7 +20,7 @@ _MPS = {"meters_per_second": 1.0}
 
 
 def _quantity(units: dict[str, float], low: float, high: float) -> Callable[[Any], float]:
-    choices = " or ".join("{%s: NUMBER}" % name for name in units)
+    choices = " or ".join(f"{{{name}: NUMBER}}" for name in units)
 
     def parse(value: Any) -> float:
         if not isinstance(value, dict) or len(value) != 1:
@@ -38,12 +38,15 @@ def _quantity(units: dict[str, float], low: float, high: float) -> Callable[[Any
 
 
 def _number(value: Any, unit: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or value != value:
+    if isinstance(value, bool) or not isinstance(value, int | float):
         raise ValueError(f"expected a number of {unit}")
     try:
-        return float(value)
+        number = float(value)
     except OverflowError:
         raise ValueError(f"expected a number of {unit} that fits a float") from None
+    if math.isnan(number):
+        raise ValueError(f"expected a number of {unit}")
+    return number
 
 
 _INF = math.inf

@@ -58,7 +58,7 @@ def letterbox(
     centred: in the middle, else at the top left.
     """
     fit = min(width / image.shape[1], height / image.shape[0])
-    inner_width, inner_height = round(image.shape[1] * fit), round(image.shape[0] * fit)
+    inner_width, inner_height = (max(1, round(size * fit)) for size in (image.shape[1], image.shape[0]))
     inner, placement = stretch(image, inner_width, inner_height, method)
     if (inner_width, inner_height) == (width, height):
         return inner, placement

@@ -7,13 +7,12 @@ import math
 import numba
 import numpy as np
 
-#: Distance of the samples along an azimuth, cells.
-STEP = 0.5
-
 
 @numba.njit(cache=True, error_model="numpy")
 def sweep(heights, position, outline, azimuths, far, drop, stamps, corner, cells):  # type: ignore[no-untyped-def]
     """Walk outward along each azimuth and keep what rises above the horizon so far and lies in the picture.
+
+    A ray looks at the surface where it crosses a line of cell centres: there its ridges are.
 
     heights: (rows, columns), NaN unknown. position: (3,) camera; x and y in cells from the grid's corner, z
     in metres. outline: (N, 3) directions around the picture, metres per cell of horizontal way. azimuths:
@@ -29,18 +28,58 @@ def sweep(heights, position, outline, azimuths, far, drop, stamps, corner, cells
         start = -drop / horizon if horizon < 0.0 else 0.0  # nearer, the picture is above the highest cell
         start, end = _clip(position[0], east, columns, start, far)
         start, end = _clip(position[1], north, rows, start, end)
-        t = (math.ceil(start / STEP - 0.5) + 0.5) * STEP
-        while t < end and horizon < top:
-            x, y = position[0] + t * east, position[1] + t * north
-            slope = (surface(heights, x, y) - position[2]) / t
+        c, c_step, t_column = _first_line(position[0], east, start)
+        r, r_step, t_row = _first_line(position[1], north, start)
+        t_before, slope_before = np.nan, np.nan
+        while horizon < top:
+            t = min(t_column, t_row)
+            if t >= end:
+                break
+            if t_column <= t_row:
+                height = between(heights[:, c], position[1] + t * north)
+                c += c_step
+                t_column = (c + 0.5 - position[0]) / east
+            else:
+                height = between(heights[r], position[0] + t * east)
+                r += r_step
+                t_row = (r + 0.5 - position[1]) / north
+            slope = (height - position[2]) / t
             if slope > horizon:
+                share_per_slope = (t - t_before) / (slope - slope_before)
+                if slope_before < horizon:  # comes into sight on the way here
+                    t_rise = t_before + (horizon - slope_before) * share_per_slope
+                    found = _stamp(position, east, north, t_rise, rows, columns, stamps, corner, cells, found)
+                if slope > top and slope_before < top:  # leaves the picture on the way here
+                    t_leave = t_before + (top - slope_before) * share_per_slope
+                    found = _stamp(
+                        position, east, north, t_leave, rows, columns, stamps, corner, cells, found
+                    )
+                elif slope <= top:
+                    found = _stamp(position, east, north, t, rows, columns, stamps, corner, cells, found)
                 horizon = slope
-                r, c = min(int(y), rows - 1), min(int(x), columns - 1)
-                if slope <= top and stamps[r - corner[0], c - corner[1]] == 0:
-                    stamps[r - corner[0], c - corner[1]] = 1
-                    cells[found, 0], cells[found, 1] = r, c
-                    found += 1
-            t += STEP
+            t_before, slope_before = t, slope
+    return found
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _first_line(position, direction, start):  # type: ignore[no-untyped-def]
+    """The first line of centres from start on: its number, the step to the next one, and the way to it."""
+    if abs(direction) < 1e-12:
+        return 0, 0, np.inf
+    step = 1 if direction > 0.0 else -1
+    line = step * math.ceil(step * (position + start * direction - 0.5))
+    return line, step, (line + 0.5 - position) / direction
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _stamp(position, east, north, t, rows, columns, stamps, corner, cells, found):  # type: ignore[no-untyped-def]
+    """Note the cell at t along the ray unless it is noted already; returns how many are."""
+    r = min(int(position[1] + t * north), rows - 1)
+    c = min(int(position[0] + t * east), columns - 1)
+    if stamps[r - corner[0], c - corner[1]] == 0:
+        stamps[r - corner[0], c - corner[1]] = 1
+        cells[found, 0], cells[found, 1] = r, c
+        found += 1
     return found
 
 
@@ -108,16 +147,12 @@ def observe(heights, position, cell_m, toward_camera, lens, boxes, max_distance,
 
 
 @numba.njit(cache=True, error_model="numpy")
-def surface(heights, x, y):  # type: ignore[no-untyped-def]
-    """Terrain.height at x and y, cells from the grid's corner: bilinear, level in the outer half cell."""
-    rows, columns = heights.shape
-    x, y = min(max(x - 0.5, 0.0), columns - 1.0), min(max(y - 0.5, 0.0), rows - 1.0)
-    c, r = int(x), int(y)
-    c1, r1 = min(c + 1, columns - 1), min(r + 1, rows - 1)
-    fx, fy = x - c, y - r
-    low = heights[r, c] + (heights[r, c1] - heights[r, c]) * fx
-    high = heights[r1, c] + (heights[r1, c1] - heights[r1, c]) * fx
-    return low + (high - low) * fy
+def between(heights, x):  # type: ignore[no-untyped-def]
+    """Height on a line of centres (N,) at x, cells from the grid's edge; level in the outer half cells."""
+    last = heights.size - 1
+    x = min(max(x - 0.5, 0.0), float(last))
+    i = int(x)
+    return heights[i] + (heights[min(i + 1, last)] - heights[i]) * (x - i)
 
 
 @numba.njit(cache=True, error_model="numpy")

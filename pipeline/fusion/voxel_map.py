@@ -30,7 +30,7 @@ class VoxelMap:
     """
 
     def __init__(self, terrain: Terrain, clamp_min: float, clamp_max: float) -> None:
-        """clamp_min, clamp_max: least and greatest probability of a voxel; InputError if 0.5 is not between."""
+        """clamp_min, clamp_max: least, greatest probability of a voxel; InputError unless 0.5 is between."""
         if not 0.0 <= clamp_min < 0.5 < clamp_max <= 1.0:
             raise InputError(
                 "fusion.clamp_min, clamp_max", f"{clamp_min:g} and {clamp_max:g}", "0 <= min < 0.5 < max <= 1"

@@ -5,6 +5,7 @@ A sender that keeps to its radio's bandwidth, and a receiver that can hold it up
 
 from __future__ import annotations
 
+import math
 import socket
 import threading
 import time
@@ -16,7 +17,7 @@ from pipeline.errors import ProtocolError
 from pipeline.link import handshake
 from pipeline.link.framing import FrameReader, frame
 from pipeline.link.token_bucket import TokenBucket
-from pipeline.messages import Message, pack, unpack
+from pipeline.messages import MAX_MESSAGE_BYTES, Message, pack, unpack
 
 Address = tuple[str, int]
 _CONNECT_TIMEOUT_S = 5.0
@@ -246,7 +247,9 @@ def _messages(connection: socket.socket) -> Iterator[Message]:
 
 
 def _chunk_bytes(bucket: TokenBucket) -> int:
-    """About 10 ms of the link, within reason, and never more than the bucket holds."""
+    """About 10 ms of the link, within reason, and never more than the bucket holds; all if it has no limit."""
+    if math.isinf(bucket.rate_bps):
+        return MAX_MESSAGE_BYTES
     low, high = _CHUNK_BYTES
     wanted = min(max(bucket.rate_bps / 8.0 * _CHUNK_S, low), high)
     return max(1, int(min(wanted, bucket.burst_bytes)))

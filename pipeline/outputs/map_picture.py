@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -22,7 +23,7 @@ from pipeline.fusion.voxel_map import VoxelMap
 from pipeline.messages import FloatArray
 from pipeline.outputs.truth import TruePerson
 
-#: Okabe and Ito's colours that stay apart from each other and from the probability's, also for the colour-blind
+#: after Okabe and Ito: apart from each other and from the probability's colours, also for the colour-blind
 TRACK_COLORS = ("#0072B2", "#009E73", "#CC79A7", "#56B4E9", "#332288", "#882255")
 _LINE_STYLES = ("-", "--", "-.", ":")
 _MARGIN_M = 8.0
@@ -39,7 +40,7 @@ def map_picture(
 ) -> Figure:
     """Draw the part of the map that was observed or flown over.
 
-    tracks: positions of each drone, stream -> float64 (N, >=2), ENU metres. truth: empty where it is not known.
+    tracks: positions of each drone, stream -> float64 (N, >=2), ENU metres. truth: empty if not known.
     """
     window = _window(voxel_map, tracks, truth)
     figure = Figure(figsize=_size_in(voxel_map, window), dpi=_DPI, layout="constrained")
@@ -53,15 +54,16 @@ def map_picture(
     axes.set_xlabel("east of the map's origin, m")
     axes.set_ylabel("north, m")
     if handles:
-        columns = min(len(handles), 4)
-        figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False, fontsize=9)
+        columns = 2
+        figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False, fontsize=10)
     return figure
 
 
 def png(figure: Figure) -> bytes:
     """The figure as PNG; the same figure gives the same bytes."""
     buffer = io.BytesIO()
-    FigureCanvasAgg(figure).print_png(buffer, metadata={"Software": None})
+    FigureCanvasAgg(figure)
+    figure.savefig(buffer, format="png", bbox_inches="tight", metadata={"Software": None})
     return buffer.getvalue()
 
 
@@ -87,7 +89,7 @@ def _window(voxel_map: VoxelMap, tracks: Mapping[str, FloatArray], truth: Sequen
 def _size_in(voxel_map: VoxelMap, window: Window) -> tuple[float, float]:
     rows, columns = (part.stop - part.start for part in window)
     aspect = rows / columns
-    width = 9.0 if aspect < 1.1 else max(6.0, 9.0 * 1.1 / aspect)
+    width = 8.0 if aspect < 1.1 else max(5.5, 8.0 * 1.1 / aspect)
     return width, min(max(width * 0.88 * aspect, 2.5), 12.0) + 1.1
 
 
@@ -143,7 +145,7 @@ def _block_max(values: FloatArray) -> FloatArray:
 
 
 def _colors() -> ListedColormap:
-    """Viridis, more opaque where a person is more likely: what was searched in vain lets the relief through."""
+    """Viridis, opaque where a person is likely: what was searched in vain lets the relief through."""
     colors = matplotlib.colormaps["viridis"](np.linspace(0.0, 1.0, 256))
     colors[:, 3] = np.interp(np.linspace(0.0, 1.0, 256), [0.0, 0.3, 0.7, 1.0], [0.38, 0.45, 0.95, 1.0])
     return ListedColormap(colors)
@@ -162,7 +164,7 @@ def _draw_tracks(axes: Axes, tracks: Mapping[str, FloatArray]) -> list[Line2D]:
 
 
 def _draw_truth(axes: Axes, truth: Sequence[TruePerson]) -> list[Line2D]:
-    style = {"color": "#D55E00", "marker": "x", "ms": 7, "mew": 2.2, "path_effects": _HALO}
+    style: dict[str, Any] = {"color": "#D55E00", "marker": "x", "ms": 7, "mew": 2.2, "path_effects": _HALO}
     for person in truth:
         east, north = person.track_enu[:, 0], person.track_enu[:, 1]
         axes.plot(east, north, color="#D55E00", lw=1.5, zorder=4)
@@ -171,7 +173,14 @@ def _draw_truth(axes: Axes, truth: Sequence[TruePerson]) -> list[Line2D]:
 
 
 def _draw_places(axes: Axes, locations: Sequence[SalientLocation]) -> list[Line2D]:
-    style = {"marker": "o", "ms": 15, "mfc": "none", "mec": "#111111", "mew": 1.8, "path_effects": _HALO}
+    style: dict[str, Any] = {
+        "marker": "o",
+        "ms": 15,
+        "mfc": "none",
+        "mec": "#111111",
+        "mew": 1.8,
+        "path_effects": _HALO,
+    }
     for place in locations:
         east, north = place.position_enu[:2]
         axes.plot(east, north, zorder=6, **style)

@@ -25,8 +25,8 @@ from pipeline.outputs.utc import clock_utc, iso_utc
 class ReportData:
     """What the report shows.
 
-    tracks: positions of each drone, stream -> float64 (N, >=2), ENU metres. truth: empty where it is not known.
-    schedule: the Gantt picture of the plan (gantt). evidence: (id of the found place, PNG of the picture it was seen in).
+    tracks: positions of each drone, stream -> float64 (N, >=2), ENU metres. truth: empty if not known.
+    schedule: the Gantt picture of the plan. evidence: (id of the found place, PNG of what was seen there).
     """
 
     summary: Summary

@@ -57,8 +57,8 @@ def check_run_directory(path: Path) -> None:
 def run_directory(path: Path) -> Iterator[Path]:
     """A temporary folder beside path to write a run's files in; on leaving, they all appear in path.
 
-    A new path is one rename. In the directory of an earlier run each file is replaced in one step, the summary
-    last; files that are not ours are never touched. If the block raises, path stays as it was.
+    A new path is one rename. In the directory of an earlier run each file is replaced in one step, the
+    summary last; files that are not ours are never touched. If the block raises, path stays as it was.
     Raises InputError if a run may not write at path (see check_run_directory).
     """
     check_run_directory(path)

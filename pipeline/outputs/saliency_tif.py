@@ -19,8 +19,8 @@ _TILE = 256
 def write_saliency(path: Path, voxel_map: VoxelMap) -> None:
     """Write the map, north up, one float32 band each for probability, log-odds and number of observations.
 
-    NaN (the nodata value) where the terrain is unknown. The CRS is that of the map frame. Observations are whole
-    numbers, exact up to 2^24. The same map gives the same bytes.
+    NaN (the nodata value) where the terrain is unknown. The CRS is that of the map frame. Observations are
+    whole numbers, exact up to 2^24. The same map gives the same bytes.
     """
     bands = saliency_bands(voxel_map)
     terrain = voxel_map.terrain

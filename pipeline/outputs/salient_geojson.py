@@ -17,9 +17,9 @@ _DEGREE_DECIMALS, _METER_DECIMALS = 8, 3
 
 
 def write_salient(path: Path, locations: Sequence[SalientLocation], match: TruthMatch | None = None) -> None:
-    """Write one point per found place: longitude, latitude (WGS84, degrees), height (m above the terrain's datum).
+    """Write one point per found place: longitude, latitude (WGS84), height (m above the terrain's datum).
 
-    match: gives the horizontal distance to the true place as the property ``truth_distance_m``, where it is known.
+    match: gives the property ``truth_distance_m``, the horizontal distance to the true place, if known.
     """
     distance_m = {} if match is None else match.distance_m
     features = [_feature(location, distance_m.get(location.id)) for location in locations]

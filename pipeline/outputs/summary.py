@@ -54,7 +54,10 @@ class SubstreamCount:
 
 @dataclass(frozen=True)
 class LinkUse:
-    """What a stream sent to a site. bandwidth_bps may be infinite; duration_s: time over which it was sent."""
+    """What a stream sent to a site. bandwidth_bps may be infinite.
+
+    duration_s: time over which it was sent.
+    """
 
     stream: str
     site: str

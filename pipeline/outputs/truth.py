@@ -22,7 +22,7 @@ MATCH_RADIUS_M = 2.0
 
 @dataclass(frozen=True, eq=False)
 class TruePerson:
-    """track_enu: float64 (N >= 1, 2), east and north in metres; one row stands still, more walk from row to row."""
+    """track_enu: float64 (N >= 1, 2), east and north, metres; one row stands still, more walk along them."""
 
     id: str
     track_enu: FloatArray
@@ -64,7 +64,7 @@ class TruthMatch:
 def match_truth(
     locations: Sequence[SalientLocation], truth: Sequence[TruePerson], radius_m: float = MATCH_RADIUS_M
 ) -> TruthMatch:
-    """Match found places and people one to one: as many as possible within radius_m, then the least total distance.
+    """Match found places and people: as many pairs as possible within radius_m, of least total distance.
 
     The distance to somebody who walks is that to the nearest point of the whole track, at whatever time.
     """
@@ -77,7 +77,7 @@ def match_truth(
     # one pair too far costs more than all near pairs together, so the number of near pairs comes first
     too_far = (min(distances.shape) + 1) * max(radius_m, 1.0)
     rows, columns = linear_sum_assignment(np.where(distances <= radius_m, distances, too_far))
-    pairs = [(r, c) for r, c in zip(rows, columns, strict=True) if distances[r, c] <= radius_m]
+    pairs = [(int(r), int(c)) for r, c in zip(rows, columns, strict=True) if distances[r, c] <= radius_m]
     hit_places, hit_people = {r for r, _ in pairs}, {c for _, c in pairs}
     return TruthMatch(
         tuple(Found(locations[r].id, truth[c].id, float(distances[r, c])) for r, c in pairs),
@@ -105,7 +105,7 @@ def load_truth(path: Path, frame: LocalFrame) -> tuple[TruePerson, ...]:
         return tuple(_person(path, k, feature, frame) for k, feature in enumerate(features))
     except FileNotFoundError:
         raise InputError(path, "no file", "the true places as GeoJSON") from None
-    except (OSError, ValueError, TypeError, KeyError, RecursionError) as error:
+    except (OSError, ValueError, TypeError, LookupError, AttributeError, RecursionError) as error:
         raise InputError(path, f"text that cannot be read ({type(error).__name__})", _EXPECTED) from None
 
 
@@ -118,7 +118,7 @@ def _person(path: Path, number: int, feature: dict[str, Any], frame: LocalFrame)
         raise InputError(where, repr(geometry["type"])[:60], "Point or LineString")
     points = [geometry["coordinates"]] if geometry["type"] == "Point" else geometry["coordinates"]
     degrees = np.array([point[:2] for point in points], dtype=np.float64)
-    if degrees.ndim != 2 or not _on_earth(degrees):
+    if not _on_earth(degrees):
         raise InputError(where, f"coordinates {str(points)[:60]}", "longitude and latitude in degrees")
     track = np.stack(frame.enu_from_wgs84(degrees[:, 1], degrees[:, 0]), axis=1)
     properties = feature.get("properties") or {}
@@ -126,4 +126,4 @@ def _person(path: Path, number: int, feature: dict[str, Any], frame: LocalFrame)
 
 
 def _on_earth(degrees: FloatArray) -> bool:
-    return bool(np.all(np.abs(degrees) <= (180.0, 90.0)))
+    return degrees.shape[1:] == (2,) and bool(np.all(np.abs(degrees) <= (180.0, 90.0)))

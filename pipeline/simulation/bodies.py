@@ -1,11 +1,12 @@
 """People as meshes: a skeleton with joint angles, rounded limbs, and clothes.
 
-Body frame: x to the body's right, y forward, z up; the origin on the ground below the middle of the footprint.
+Body frame: x to the body's right, y forward, z up; the origin on the ground in the middle of the footprint.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 
@@ -19,9 +20,9 @@ _X = np.array([1.0, 0.0, 0.0])
 class Posture:
     """Joint angles, degrees; pairs are left, right.
 
-    lean, bend: of pelvis and of chest, forwards. hip, knee, shoulder, elbow: flexion. spread, abduction: sideways.
-    cross: forearms inwards. point: feet stretched, in line with the shin at 90. rest: what the body rests on, upright,
-    back, prone or side.
+    rest: upright (on feet or knees), back, prone or side. lean, bend: of pelvis and of chest, forwards.
+    hip, knee, shoulder, elbow: flexion. spread, abduction: sideways. cross: forearms inwards.
+    point: feet stretched, in line with the shin at 90.
     """
 
     rest: str = "upright"
@@ -85,6 +86,7 @@ def walking(phase_rad: float, stride: float = 1.0) -> Posture:
     )
 
 
+@lru_cache(maxsize=128)
 def body_mesh(model: BodyModel, posture: Posture | None = None) -> Mesh:
     """The body in the body frame, resting on z = 0."""
     posture = posture or model.posture

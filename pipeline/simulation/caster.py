@@ -16,7 +16,10 @@ from pipeline.simulation.noise import Float32Array
 
 @dataclass(frozen=True, eq=False)
 class Hits:
-    """face: int32 (N,), -1 where a ray meets nothing. u, v: float32 (N,), barycentric. distance_m: float32 (N,)."""
+    """face: int32 (N,), -1 where a ray meets nothing. u, v: float32 (N,), barycentric.
+
+    distance_m: float32 (N,), along the unit ray.
+    """
 
     face: NDArray[np.int32]
     u: Float32Array

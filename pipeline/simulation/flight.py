@@ -24,7 +24,8 @@ _SMOOTHING_RADIUS_M = 9.0
 class Flight:
     """The camera's way, one row for each frame.
 
-    times_s: float64 (N,), since the start. positions_enu: float64 (N, 3). angles_rad: float64 (N, 3), yaw, pitch, roll.
+    times_s: float64 (N,), since the start. positions_enu: float64 (N, 3).
+    angles_rad: float64 (N, 3), yaw, pitch, roll.
     """
 
     times_s: FloatArray

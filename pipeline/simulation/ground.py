@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from pipeline.messages import FloatArray
@@ -32,8 +33,9 @@ class Extent:
 class Ground:
     """base_m: mean height above the datum. hills: metres above base_m. mesh: the surface.
 
-    tiles: float32 (5, 512, 512, 3), texel 0.045 m, periodic: linear RGB of grass, dirt, gravel, sand; a grey grain of
-    mean 1 for things. soil: float32 (512, 512, 5), the share of each kind and the brightness; cell 0.4 m, periodic.
+    tiles: float32 (5, 512, 512, 3), texel 0.045 m, periodic: linear RGB of grass, dirt, gravel and sand, and
+    a grey grain of mean 1 for things. soil: float32 (512, 512, 5), cell 0.4 m, periodic: the share of each
+    kind, and the brightness.
     """
 
     base_m: float
@@ -141,11 +143,13 @@ def _grain(rng: np.random.Generator) -> FloatArray:
     return np.repeat(np.clip(rough, 0.4, 1.7)[..., None], 3, axis=2).astype(np.float64)
 
 
-def _cells(rng: np.random.Generator, count: int) -> tuple[np.ndarray, FloatArray]:  # type: ignore[type-arg]
+def _cells(rng: np.random.Generator, count: int) -> tuple[NDArray[np.int64], FloatArray]:
     """Which of so many random stones covers each texel (periodic), and how far inside it: 0 at the edge."""
     points = rng.random((count, 2)) * TILE_TEXELS
     x, y = np.meshgrid(np.arange(TILE_TEXELS) + 0.5, np.arange(TILE_TEXELS) + 0.5)
-    distances, owners = cKDTree(points, boxsize=TILE_TEXELS).query(np.stack([x, y], axis=-1), k=2)
+    distances, owners = cKDTree(points, boxsize=[TILE_TEXELS, TILE_TEXELS]).query(
+        np.stack([x, y], axis=-1), k=2
+    )
     spacing = TILE_TEXELS / np.sqrt(count)
     return owners[..., 0], np.clip(1.6 * (distances[..., 1] - distances[..., 0]) / spacing, 0.0, 1.0)
 

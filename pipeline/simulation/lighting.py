@@ -21,8 +21,8 @@ _LIFT_M = 0.02
 
 @dataclass(frozen=True, eq=False)
 class GroundLight:
-    """light: float32 (rows, columns, 2), the share of sun and of sky on the ground; row 0 south, cell 0.125 m;
-    1 at the edge, for what lies beyond.
+    """light: float32 (rows, columns, 2), the share of sun and of sky on the ground; row 0 south,
+    cell 0.125 m; 1 at the edge, for what lies beyond.
 
     corner: east and north (2,) of the first cell's corner, metres.
     """

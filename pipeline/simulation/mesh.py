@@ -15,7 +15,7 @@ from pipeline.messages import FloatArray
 class Mesh:
     """vertices: float64 (V, 3), metres. faces: int32 (F, 3). normals: float64 (V, 3), unit.
 
-    albedo: float64 (V, 3), linear RGB in 0..1. grain: float64 (V,), how strongly the fine texture shows, 0..1.
+    albedo: float64 (V, 3), linear RGB in 0..1. grain: float64 (V,), 0..1: how strongly the texture shows.
     """
 
     vertices: FloatArray

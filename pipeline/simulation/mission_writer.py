@@ -20,7 +20,7 @@ from pipeline.simulation.flight import Flight
 from pipeline.simulation.mission_file import calibration_document, drone_name, mission_document
 from pipeline.simulation.pose_noise import disturbed
 from pipeline.simulation.rehearsal import Rehearsal, rehearse
-from pipeline.simulation.render_pool import rendered
+from pipeline.simulation.render_pool import RenderPool
 from pipeline.simulation.srt_writer import dji_srt
 from pipeline.simulation.surface_model import write_surface_model
 from pipeline.simulation.truth import LabelledFrame, boxes_coco, people_geojson
@@ -34,8 +34,8 @@ _NOISE_STREAM = 3
 def simulate(scenario_path: Path, out: Path, *, progress: Progress, workers: int | None = None) -> Path:
     """Render a scenario into a new folder and return its mission file.
 
-    out: absent or empty; it appears whole or not at all. workers: processes, by default one for each core; their number
-    changes no byte. Raises InputError for a scenario that cannot be used and for a folder that is in use.
+    out: absent or empty; it appears whole or not at all. workers: processes, by default one for each core;
+    their number changes no byte. Raises InputError for a scenario that cannot be used, and for a folder in use.
     """
     scenario = load_scenario(scenario_path)
     with _appearing(out) as folder:
@@ -43,8 +43,9 @@ def simulate(scenario_path: Path, out: Path, *, progress: Progress, workers: int
         rehearsal = rehearse(scenario)
         progress("scene", 1, 1)
         _write_ground(folder, rehearsal)
-        for number, flight in enumerate(rehearsal.flights):
-            _write_drone(folder, rehearsal, number, flight, progress, workers)
+        with RenderPool(rehearsal, workers or os.cpu_count() or 1) as pool:
+            for number in range(len(rehearsal.flights)):
+                _write_drone(folder, rehearsal, number, pool, progress)
         _write_yaml(folder / "mission.yaml", mission_document(scenario, out))
     return out / "mission.yaml"
 
@@ -60,14 +61,14 @@ def _write_ground(folder: Path, rehearsal: Rehearsal) -> None:
 
 
 def _write_drone(
-    folder: Path, rehearsal: Rehearsal, number: int, flight: Flight, progress: Progress, workers: int | None
+    folder: Path, rehearsal: Rehearsal, number: int, pool: RenderPool, progress: Progress
 ) -> None:
-    scenario, name = rehearsal.scenario, drone_name(number)
+    scenario, flight, name = rehearsal.scenario, rehearsal.flights[number], drone_name(number)
     _write_telemetry(folder / f"{name}.srt", rehearsal, number, flight)
     labelled: list[LabelledFrame] = []
 
     def images() -> Iterator[NDArray[np.uint8]]:
-        for index, picture in enumerate(rendered(rehearsal, number, workers or os.cpu_count() or 1)):
+        for index, picture in enumerate(pool.pictures(number)):
             if index % scenario.boxes_every == 0:
                 labelled.append(LabelledFrame(index, picture.people))
             yield picture.image
@@ -101,7 +102,9 @@ def _appearing(out: Path) -> Iterator[Path]:
         yield temporary
         os.replace(temporary, absolute)
     except OSError as error:
-        raise InputError(out, f"a place that cannot be written ({error.strerror})", "a writable folder") from None
+        raise InputError(
+            out, f"a place that cannot be written ({error.strerror})", "a writable folder"
+        ) from None
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
 

@@ -6,15 +6,46 @@ import numpy as np
 
 from pipeline.simulation.bodies import BodyModel, Clothes, Posture, walking
 
-_TRAIN_COLORS = (
-    "#1f3b73 #b3202c #e6c229 #2f6b3c #e8e6e0 #17181b #6b4a2f #8a8f98 #e0702a #5b2a6e #3f8fb5 #c9a07a "
-    "#54603a #394049 #d46a8c #7b1e28 #93a86b #f2efe8 #4a3b2c #1d5b58 #716b58 #a7b8c9"
-).split()
-_TRAIN_TROUSERS = (
-    "#22304a #2b2b2e #6f6148 #4b5138 #8c8577 #15161a #3d4f66 #9c8f78 #5a3f2c #b4b2ab #36402f #7f2b2b"
-).split()
-_TRAIN_SKIN = "#e0b49a #c68e6c #9b6a4a #6b4630 #d6a283 #4f3323".split()
-_TRAIN_HAIR = "#241a12 #4a3220 #7d5a34 #b08a52 #17130f #8b8580".split()
+_TRAIN_COLORS = [
+    "#1f3b73",
+    "#b3202c",
+    "#e6c229",
+    "#2f6b3c",
+    "#e8e6e0",
+    "#17181b",
+    "#6b4a2f",
+    "#8a8f98",
+    "#e0702a",
+    "#5b2a6e",
+    "#3f8fb5",
+    "#c9a07a",
+    "#54603a",
+    "#394049",
+    "#d46a8c",
+    "#7b1e28",
+    "#93a86b",
+    "#f2efe8",
+    "#4a3b2c",
+    "#1d5b58",
+    "#716b58",
+    "#a7b8c9",
+]
+_TRAIN_TROUSERS = [
+    "#22304a",
+    "#2b2b2e",
+    "#6f6148",
+    "#4b5138",
+    "#8c8577",
+    "#15161a",
+    "#3d4f66",
+    "#9c8f78",
+    "#5a3f2c",
+    "#b4b2ab",
+    "#36402f",
+    "#7f2b2b",
+]
+_TRAIN_SKIN = ["#e0b49a", "#c68e6c", "#9b6a4a", "#6b4630", "#d6a283", "#4f3323"]
+_TRAIN_HAIR = ["#241a12", "#4a3220", "#7d5a34", "#b08a52", "#17130f", "#8b8580"]
 _TRAIN_KINDS = (
     "standing",
     "arms_out",
@@ -38,7 +69,7 @@ def random_train_model(rng: np.random.Generator) -> BodyModel:
     )
 
 
-def random_posture(rng: np.random.Generator, kind: str) -> Posture:
+def random_posture(rng: np.random.Generator, kind: str) -> Posture:  # noqa: PLR0911 - one return for each kind
     """Joint angles of a kind of posture, each time a little different."""
 
     def pair(low: float, high: float) -> tuple[float, float]:

@@ -34,7 +34,7 @@ class Waves:
 def random_waves(
     rng: np.random.Generator, shortest_m: float, longest_m: float, deviation: float, count: int = 32
 ) -> Waves:
-    """Waves with lengths between two bounds; the longer ones are the higher ones. deviation: of the values."""
+    """Waves with lengths between two bounds; longer ones are higher. deviation: of the values."""
     lengths = np.geomspace(shortest_m, longest_m, count)
     angles = rng.uniform(0.0, 2.0 * np.pi, count)
     vectors = 2.0 * np.pi / lengths[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)

@@ -9,7 +9,7 @@ import numpy as np
 from pipeline.messages import FloatArray
 from pipeline.simulation.mesh import linear
 
-#: for each season: grass (two colours), dirt, gravel, sand, leaves (two colours), and the share of each ground
+#: for each season: grass (two colours), dirt, gravel, sand, leaves (two colours); how much there is of each
 _SEASONS: dict[str, tuple[tuple[str, ...], tuple[float, ...]]] = {
     "early_summer": (
         ("#5f7a35", "#87984f", "#6f5b40", "#8f8b82", "#b5a27c", "#3f5f28", "#62803a"),
@@ -61,7 +61,7 @@ class Palette:
 
 @dataclass(frozen=True, eq=False)
 class Light:
-    """sun_direction: unit (3,), towards the sun. sun, sky: linear RGB (3,), how bright a white floor would be."""
+    """sun_direction: unit (3,), towards the sun. sun, sky: linear RGB (3,), light on a white floor."""
 
     sun_direction: FloatArray
     sun: FloatArray

@@ -25,7 +25,7 @@ def disturbed(flight: Flight, noise: PoseNoise, rng: np.random.Generator) -> Fli
 def gauss_markov(
     rng: np.random.Generator, times_s: FloatArray, correlation_time_s: float, channels: int
 ) -> FloatArray:
-    """First-order processes (N, channels) of deviation 1 with the correlation exp(-|dt| / correlation_time_s)."""
+    """First-order processes (N, channels) of deviation 1 and correlation exp(-|dt| / correlation_time_s)."""
     values = rng.standard_normal((len(times_s), channels))
     for i in range(1, len(times_s)):
         kept = np.exp(-(times_s[i] - times_s[i - 1]) / correlation_time_s)

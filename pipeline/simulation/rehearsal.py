@@ -12,6 +12,7 @@ from pipeline.geo.camera import Camera
 from pipeline.geo.frame import LocalFrame
 from pipeline.simulation.flight import Flight, plan_flights
 from pipeline.simulation.ground import Extent
+from pipeline.simulation.people import Person
 from pipeline.simulation.places import mission_people
 from pipeline.simulation.scene import Scene, build_scene
 
@@ -29,8 +30,11 @@ class Rehearsal:
     flights: tuple[Flight, ...]
 
 
-def rehearse(scenario: Scenario) -> Rehearsal:
-    """Build the scene, put the people in it and plan the flights. Raises InputError if the people have no room."""
+def rehearse(scenario: Scenario, people: tuple[Person, ...] | None = None) -> Rehearsal:
+    """Build the scene, put the people in it and plan the flights. people: if they are known already.
+
+    Raises InputError if they have no room.
+    """
     area, calibration, origin = scenario.area, scenario.camera, scenario.origin
     extent = Extent(area.width, area.depth)
     camera = Camera(
@@ -38,8 +42,10 @@ def rehearse(scenario: Scenario) -> Rehearsal:
         np.array(calibration.distortion),
     )  # fmt: skip
     empty = build_scene(scenario.seed, extent, "mission", origin.height)
-    rng = np.random.default_rng([scenario.seed, _PEOPLE_STREAM])
-    scene = empty.with_people(mission_people(rng, scenario.people, scenario.flight, empty))
+    if people is None:
+        rng = np.random.default_rng([scenario.seed, _PEOPLE_STREAM])
+        people = mission_people(rng, scenario.people, scenario.flight, empty)
+    scene = empty.with_people(people)
     rate = scenario.recording.frame_rate
     flights = plan_flights(scenario.flight, camera, extent, rate, scene.ground.height)
     frame = LocalFrame(math.degrees(origin.latitude), math.degrees(origin.longitude))

@@ -5,11 +5,12 @@ from __future__ import annotations
 import multiprocessing
 from collections import deque
 from collections.abc import Iterator
-from multiprocessing.pool import AsyncResult
+from multiprocessing.pool import AsyncResult, Pool
 
 import numpy as np
 
 from pipeline.config.scenario import Scenario
+from pipeline.simulation.people import Person
 from pipeline.simulation.rehearsal import Rehearsal, rehearse
 from pipeline.simulation.renderer import Picture, Renderer
 
@@ -34,28 +35,44 @@ class FrameRenderer:
         return self._renderer.render(flight.pose(index), float(flight.times_s[index]), rng)
 
 
-def rendered(rehearsal: Rehearsal, drone: int, workers: int) -> Iterator[Picture]:
-    """All pictures of a drone's flight, in order. One worker renders in this process."""
-    indices = range(len(rehearsal.flights[drone].times_s))
-    if workers == 1:
-        renderer = FrameRenderer(rehearsal)
-        yield from (renderer(drone, index) for index in indices)
-        return
-    # a forked child would inherit Embree's threads in an unknown state
-    context = multiprocessing.get_context("spawn")
-    waiting: deque[AsyncResult[Picture]] = deque()
-    with context.Pool(workers, _start, (rehearsal.scenario,)) as pool:
+class RenderPool:
+    """Processes that render a rehearsal's frames; a context manager. One worker renders in this process."""
+
+    def __init__(self, rehearsal: Rehearsal, workers: int) -> None:
+        self._rehearsal, self._workers = rehearsal, workers
+        self._pool: Pool | None = None
+
+    def __enter__(self) -> RenderPool:
+        if self._workers > 1:
+            # a forked child would inherit Embree's threads in an unknown state
+            known = (self._rehearsal.scenario, self._rehearsal.scene.people)
+            self._pool = multiprocessing.get_context("spawn").Pool(self._workers, _start, known)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._pool is not None:
+            self._pool.terminate()
+            self._pool.join()
+
+    def pictures(self, drone: int) -> Iterator[Picture]:
+        """All pictures of a drone's flight, in order."""
+        indices = range(len(self._rehearsal.flights[drone].times_s))
+        if self._pool is None:
+            renderer = FrameRenderer(self._rehearsal)
+            yield from (renderer(drone, index) for index in indices)
+            return
+        waiting: deque[AsyncResult[Picture]] = deque()
         for index in indices:
-            waiting.append(pool.apply_async(_render, (drone, index)))
-            if len(waiting) >= _AHEAD * workers:
+            waiting.append(self._pool.apply_async(_render, (drone, index)))
+            if len(waiting) >= _AHEAD * self._workers:
                 yield waiting.popleft().get()
         while waiting:
             yield waiting.popleft().get()
 
 
-def _start(scenario: Scenario) -> None:
+def _start(scenario: Scenario, people: tuple[Person, ...]) -> None:
     global _worker  # noqa: PLW0603 - a pool's workers have no other place to keep what all their tasks need
-    _worker = FrameRenderer(rehearse(scenario))
+    _worker = FrameRenderer(rehearse(scenario, people))
 
 
 def _render(drone: int, index: int) -> Picture:

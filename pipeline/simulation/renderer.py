@@ -1,7 +1,7 @@
 """Pictures of a scene, and who is visible in them.
 
-A pixel is one ray from its centre, through a lens that blurs a little onto a sensor with a little noise. People are
-cast apart from the static scene, so that they can walk and that what hides them is known.
+A pixel is one ray from its centre, through a lens that blurs a little onto a sensor with a little noise.
+People are cast apart from the static scene, so that they can walk and that what hides them is known.
 
     scene = build_scene(seed=1, extent=Extent(60.0, 60.0), split="train")
     scene = scene.with_people(random_people(rng, "train", 12, scene))
@@ -39,8 +39,8 @@ Box = tuple[float, float, float, float]
 class VisiblePerson:
     """One person in one picture.
 
-    box_px: x0, y0, x1, y1 around the visible pixels. full_box_px: around all pixels if nothing were in front and the
-    picture had no edge. visible_share: visible pixels by all pixels, 0..1.
+    box_px: x0, y0, x1, y1 around the visible pixels. full_box_px: around all pixels, if nothing were in
+    front and the picture had no edge. visible_share: visible pixels by all pixels, 0..1.
     """
 
     id: int
@@ -91,8 +91,8 @@ class Renderer:
         rays = camera.rays(np.column_stack([columns.ravel(), rows.ravel()]))
         self._rays = (rays / np.linalg.norm(rays, axis=1, keepdims=True)).astype(np.float32)
         mesh = scene.mesh
-        self._vertices, self._normals = mesh.vertices.astype(np.float32), mesh.normals.astype(np.float32)
-        self._albedo, self._grain = mesh.albedo.astype(np.float32), mesh.grain.astype(np.float32)
+        self._normals, self._albedo = mesh.normals.astype(np.float32), mesh.albedo.astype(np.float32)
+        self._grain = mesh.grain.astype(np.float32)
         self._tile_means = scene.ground.tiles.mean(axis=(1, 2))
         self._resting: dict[int, _Body] = {}
 
@@ -197,7 +197,7 @@ class Renderer:
         out = np.empty((len(rays), 3), dtype=np.float32)
         shade_static(
             hits.face, hits.u, hits.v, hits.distance_m, rays, pose.position_enu, dimmed,
-            scene.mesh.faces, self._vertices, self._normals, self._albedo, self._grain, scene.sun, scene.ground_faces,
+            scene.mesh.faces, self._normals, self._albedo, self._grain, scene.sun, scene.ground_faces,
             scene.ground.tiles, self._tile_means, TEXEL_M, scene.ground.soil, SOIL_CELL_M,
             scene.ground_light.light, scene.ground_light.corner, CELL_M,
             scene.light.sun_direction, scene.light.sun, scene.light.sky, _HAZE, out,

@@ -58,7 +58,7 @@ class Scene:
         return replace(self, people=tuple(people))
 
     def surface_height(self, east_m: FloatArray, north_m: FloatArray) -> FloatArray:
-        """Height of the highest surface (ground, thing or leaf, no people) at positions (N,); NaN beyond the ground."""
+        """Height of the highest surface (ground, thing, leaf; no people) at positions (N,); NaN beyond."""
         count = len(east_m)
         start = self.ceiling_m
         origins = np.column_stack([east_m, north_m, np.full(count, start)])

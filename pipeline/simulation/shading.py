@@ -1,6 +1,6 @@
 """The colour of what a ray meets: numba kernels, one pass over the pixels.
 
-All colours are linear RGB. Lambert's law for the sun, a sky that is brighter above, a little haze with distance.
+All colours are linear RGB. Lambert's law for the sun, a sky brighter above, a little haze with distance.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ _HAZE_M = 1400.0
 _FADE_M = 45.0
 
 
-@numba.njit(cache=True, fastmath=True, inline="always")  # type: ignore[untyped-decorator]
+@numba.njit(cache=True, fastmath=True, inline="always")
 def _periodic(grid, x, y, channel):  # type: ignore[no-untyped-def]
     """Bilinear value of a grid (n, n, channels), n a power of two, that goes on for ever; x, y in cells."""
     last = grid.shape[0] - 1
@@ -25,7 +25,7 @@ def _periodic(grid, x, y, channel):  # type: ignore[no-untyped-def]
     return low * (1 - b) + high * b
 
 
-@numba.njit(cache=True, fastmath=True, inline="always")  # type: ignore[untyped-decorator]
+@numba.njit(cache=True, fastmath=True, inline="always")
 def _corner(grid, x, y):  # type: ignore[no-untyped-def]
     """Row, column and fractions of the four cells around a position, in cells from the first one's centre."""
     rows, columns = grid.shape[0], grid.shape[1]
@@ -34,14 +34,14 @@ def _corner(grid, x, y):  # type: ignore[no-untyped-def]
     return r, c, x - c, y - r
 
 
-@numba.njit(cache=True, fastmath=True, inline="always")  # type: ignore[untyped-decorator]
+@numba.njit(cache=True, fastmath=True, inline="always")
 def _mixed(grid, r, c, a, b, channel):  # type: ignore[no-untyped-def]
     low = grid[r, c, channel] * (1 - a) + grid[r, c + 1, channel] * a
     high = grid[r + 1, c, channel] * (1 - a) + grid[r + 1, c + 1, channel] * a
     return low * (1 - b) + high * b
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True)
 def rotated(rays, rotation):  # type: ignore[no-untyped-def]
     """Directions float32 (N, 3) after a rotation (3, 3); faster than a product of matrices this thin."""
     out = np.empty_like(rays)
@@ -53,17 +53,17 @@ def rotated(rays, rotation):  # type: ignore[no-untyped-def]
     return out
 
 
-@numba.njit(cache=True, fastmath=True)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True, fastmath=True)
 def shade_static(  # type: ignore[no-untyped-def]
     face, u, v, distance, rays, origin, dimmed,
-    faces, vertices, normals, albedo, grain, sun_share, ground_faces,
+    faces, normals, albedo, grain, sun_share, ground_faces,
     tiles, means, texel_m, soil, soil_cell_m, ground_light, light_corner, light_cell_m,
     sun_direction, sun, sky, haze, out,
 ):  # fmt: skip
     """Fill out (N, 3) for every pixel whose ray meets the ground or a thing.
 
-    face, u, v, distance: (N,), of caster.Hits. dimmed: bool (N,), in somebody's shadow. means: (5, 3), of the tiles.
-    The rest: of Scene, Ground and GroundLight.
+    face, u, v, distance: (N,), of caster.Hits. dimmed: bool (N,), in somebody's shadow. means: (5, 3), of the
+    tiles. The rest: of Scene, Ground and GroundLight.
     """
     base = np.empty(3, np.float32)
     for i in range(face.shape[0]):
@@ -119,7 +119,7 @@ def shade_static(  # type: ignore[no-untyped-def]
             out[i, k] = clear * base[k] * (direct * sun[k] + ambient * sky[k]) + (1.0 - clear) * haze[k]
 
 
-@numba.njit(cache=True, fastmath=True)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True, fastmath=True)
 def shade_body(  # type: ignore[no-untyped-def]
     face, u, v, lit, faces, normals, albedo, local, sun_direction, sun, sky, out
 ):
@@ -144,7 +144,7 @@ def shade_body(  # type: ignore[no-untyped-def]
             out[i, k] = color * (direct * sun[k] + ambient * sky[k])
 
 
-@numba.njit(cache=True, fastmath=True)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True, fastmath=True)
 def expose(linear, noise, noise_levels, blur, out):  # type: ignore[no-untyped-def]
     """The lens and the sensor: linear (H, W, 3) to out uint8 (H, W, 3).
 

@@ -29,7 +29,8 @@ def dji_srt(flight: Flight, frame: LocalFrame, start: datetime, takeoff_height_m
             "[iso: 100] [shutter: 1/1000.0] [fnum: 2.8] [ev: 0] [color_md: default] [focal_len: 24.00] "
             f"[latitude: {latitude[i]:.9f}] [longitude: {longitude[i]:.9f}] "
             f"[rel_alt: {height - takeoff_height_m:.3f} abs_alt: {height:.3f}] [ct: 5500] "
-            f"[gb_yaw: {math.remainder(yaw[i], 360.0):.4f} gb_pitch: {pitch[i]:.4f} gb_roll: {roll[i]:.4f}] </font>\n"
+            f"[gb_yaw: {math.remainder(yaw[i], 360.0):.4f} gb_pitch: {pitch[i]:.4f} "
+            f"gb_roll: {roll[i]:.4f}] </font>\n"
         )
     return "\n".join(cues)
 

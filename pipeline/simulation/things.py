@@ -6,6 +6,7 @@ Every mesh stands on z = 0 with its middle at the origin; metres.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.messages import FloatArray
 from pipeline.simulation.mesh import Mesh, box, ellipsoid, flat, limb, linear, merged, painted, rotation_z
@@ -63,7 +64,9 @@ def tuft(rng: np.random.Generator, palette: Palette) -> Mesh:
     albedo = np.repeat(palette.grass[0] * mix + palette.grass[1] * (1.0 - mix), 3, axis=0)
     albedo *= np.tile([0.6, 0.6, 1.25], count)[:, None]
     normals = np.tile([0.0, 0.0, 1.0], (3 * count, 1))
-    return painted(corners, np.arange(3 * count).reshape(-1, 3), normals, np.clip(albedo, 0, 0.9), 0.2)
+    return painted(
+        corners, np.arange(3 * count, dtype=np.int32).reshape(-1, 3), normals, np.clip(albedo, 0, 0.9), 0.2
+    )
 
 
 def boulder(rng: np.random.Generator, palette: Palette, radius_m: float) -> Mesh:
@@ -225,7 +228,7 @@ def _foliage(
     return [core, painted(corners, faces, normals, np.clip(albedo, 0.003, 0.9), 0.2)]
 
 
-def _smooth_normals(vertices: FloatArray, faces: np.ndarray) -> FloatArray:  # type: ignore[type-arg]
+def _smooth_normals(vertices: FloatArray, faces: NDArray[np.int32]) -> FloatArray:
     a, b, c = (vertices[faces[:, i]] for i in range(3))
     weighted = np.cross(b - a, c - a)
     normals = np.zeros_like(vertices)

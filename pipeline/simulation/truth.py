@@ -25,7 +25,7 @@ class LabelledFrame:
 
 
 def people_geojson(scene: Scene, frame: LocalFrame, start: datetime, duration_s: float) -> dict[str, Any]:
-    """A FeatureCollection: a Point for each who rests, a LineString with a time for each point for each who walks.
+    """A FeatureCollection: a Point for who rests, a LineString with a time for each point for who walks.
 
     Heights are above the ellipsoid.
     """

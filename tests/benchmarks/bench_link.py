@@ -90,7 +90,7 @@ def latencies_us(nbytes: int, count: int) -> np.ndarray:
         sender.connect("peer", peer.address, peer.token)
         for index in range(count):
             sender.send("peer", packet(nbytes, index))
-            sender.flush()
+            sender.flush(10.0)
             time.sleep(0.005)
         arrivals = peer.finish(sender)
     sender.close()

@@ -3,6 +3,7 @@ import dataclasses
 import msgpack
 import numpy as np
 import pytest
+
 from pipeline.errors import ProtocolError
 from pipeline.messages import (
     MAX_MESSAGE_BYTES,

@@ -22,7 +22,7 @@ class FastestDetLayout:
     """(1, 85, H / 16, W / 16): objectness, tanh offset, sigmoid size as a share of the picture, 80 classes."""
 
     name: ClassVar[str] = "fastestdet"
-    nms_iou: ClassVar[float] = 0.45
+    nms_iou: ClassVar[float] = 0.6
     input: str
     width: int
     height: int

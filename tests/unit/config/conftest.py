@@ -1,4 +1,4 @@
-"""A mission, an inventory, a pool and a camera that are right, as text; tests break them one way at a time."""
+"""A mission, an inventory, a pool and a camera that are right, as text; tests break them in one way each."""
 
 from __future__ import annotations
 

@@ -2,6 +2,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+
 from pipeline.config.inventory import load_inventory
 from pipeline.errors import InputError
 
@@ -9,13 +10,34 @@ Write = Callable[..., Path]
 MACHINE = "{id: laptop, type: cpu-8, memory: {gigabytes: 16}, count: 2}"
 
 FAULTS = [
-    (MACHINE, "{id: laptop, typ: cpu-8, memory: {gigabytes: 16}}", 4, "sites.0.machines.0.typ", "an unknown key", "type"),
+    (
+        MACHINE,
+        "{id: laptop, typ: cpu-8, memory: {gigabytes: 16}}",
+        4,
+        "sites.0.machines.0.typ",
+        "an unknown key",
+        "type",
+    ),
     (MACHINE, "{id: laptop, memory: {gigabytes: 16}}", 4, "sites.0.machines.0.type", "nothing", "a value"),
     (MACHINE, "{id: a b, type: t, memory: {gigabytes: 16}}", 4, "sites.0.machines.0.id", "'a b'", "A-Za-z"),
     (MACHINE, "7", 4, "sites.0.machines.0", "7", "keys and values"),
     ("memory: {gigabytes: 8}", "memory: 8", 7, "sites.0.machines.1.memory", "8", "{gigabytes: NUMBER}"),
-    ("memory: {gigabytes: 8}", "memory: {mib: 8}", 7, "sites.0.machines.1.memory", "the unit 'mib'", "gigabytes"),
-    ("memory: {gigabytes: 8}", "memory: {gigabytes: 8g}", 7, "memory", "{'gigabytes': '8g'}", "a number of gigabytes"),
+    (
+        "memory: {gigabytes: 8}",
+        "memory: {mib: 8}",
+        7,
+        "sites.0.machines.1.memory",
+        "the unit 'mib'",
+        "gigabytes",
+    ),
+    (
+        "memory: {gigabytes: 8}",
+        "memory: {gigabytes: 8g}",
+        7,
+        "memory",
+        "{'gigabytes': '8g'}",
+        "a number of gigabytes",
+    ),
     ("memory: {gigabytes: 8}", "memory: {gigabytes: -8}", 7, "memory", "{'gigabytes': -8}", "at least"),
     ("memory: {gigabytes: 8}", "memory: {gigabytes: .nan}", 7, "memory", "nan", "a number"),
     ("provider: cuda", "provider: tpu", 8, "sites.0.machines.1.provider", "'tpu'", "'cpu' or 'cuda'"),

@@ -3,12 +3,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from pydantic import BaseModel
+
 from pipeline.config.camera import load_camera
 from pipeline.config.inventory import load_inventory
 from pipeline.config.mission import load_mission
 from pipeline.config.pool import load_pool
 from pipeline.errors import InputError
-from pydantic import BaseModel
 
 Write = Callable[..., Path]
 LOAD: dict[str, Callable[[Path], object]] = {
@@ -62,11 +63,29 @@ def test_records_are_frozen(write: Write) -> None:
 @pytest.mark.parametrize(
     ("kind", "old", "new", "where", "expected"),
     [
-        ("mission", "file: drone-1.srt", "file: drone-1.srt\n      height: relative", "takeoff_height", "a height"),
+        (
+            "mission",
+            "file: drone-1.srt",
+            "file: drone-1.srt\n      height: relative",
+            "takeoff_height",
+            "a height",
+        ),
         ("mission", "{milliseconds: 40}", "{seconds: .inf}", "time_offset", "at most"),
         ("mission", "{milliseconds: 40}", "40", "time_offset", "{seconds: NUMBER}"),
-        ("mission", "width_min: {meters: 0.3}", "width_min: {meters: 3}", "width_min", "less than width_max, 2 m"),
-        ("mission", "height_max: {meters: 2}", "height_max: {meters: 0.3}", "height_min", "less than height_max"),
+        (
+            "mission",
+            "width_min: {meters: 0.3}",
+            "width_min: {meters: 3}",
+            "width_min",
+            "less than width_max, 2 m",
+        ),
+        (
+            "mission",
+            "height_max: {meters: 2}",
+            "height_max: {meters: 0.3}",
+            "height_min",
+            "less than height_max",
+        ),
         ("mission", "threshold: 0.9", "threshold: 0.99", "fusion.threshold", "less than clamp_max, 0.971"),
         ("mission", "threshold: 0.9", "threshold: 0.5", "fusion.threshold", "more than 0.5"),
         ("mission", "threshold: 0.9", "threshold: 0.9\n  clamp_min: 0.6", "clamp_min", "less than 0.5"),
@@ -75,7 +94,13 @@ def test_records_are_frozen(write: Write) -> None:
         ("mission", "[{mbps: 1}, {mbps: 4}]", "[{mbps: .inf}]", "bitrates.0", "at most"),
         ("mission", "[{mbps: 1}, {mbps: 4}]", "[{mbps: 0}]", "bitrates.0", "at least"),
         ("mission", "frame_rate: {hertz: 10}", "frame_rate: {hertz: 0}", "frame_rate", "at least"),
-        ("pool", "maximum: {milliseconds: 30}", "maximum: {milliseconds: 3}", "maximum", "at least the mean, 0.02 s"),
+        (
+            "pool",
+            "maximum: {milliseconds: 30}",
+            "maximum: {milliseconds: 3}",
+            "maximum",
+            "at least the mean, 0.02 s",
+        ),
         ("pool", "{bitrate: {mbps: 4}", "{bitrate: {kbps: 1000}", "accuracy.1", "every bitrate once"),
         ("camera", "cx: 512.0", "cx: .nan", "cx", "a finite number"),
         ("camera", "fx: 900.0", "fx: -900.0", "fx", "greater than 0"),

@@ -1,4 +1,5 @@
 import pytest
+
 from pipeline.outputs.accounting import StreamAccount
 from pipeline.outputs.summary import SubstreamCount
 from pipeline.outputs.utc import clock_utc, iso_utc

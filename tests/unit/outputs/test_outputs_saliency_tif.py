@@ -4,9 +4,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rasterio
+from pyproj import CRS
+
 from pipeline.outputs.report import ReportData
 from pipeline.outputs.saliency_tif import write_saliency
-from pyproj import CRS
 
 Search = Callable[..., ReportData]
 

@@ -3,6 +3,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+
 from pipeline.outputs.report import ReportData
 from pipeline.outputs.salient_geojson import write_salient
 

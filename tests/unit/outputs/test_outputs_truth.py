@@ -4,9 +4,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import FRAME, location, standing
+from synthetic_search import FRAME, location, standing
+
 from pipeline.errors import InputError
-from pipeline.outputs.truth import TruePerson, distance_to_track_m, load_truth, match_truth
+from pipeline.outputs.truth import distance_to_track_m, load_truth, match_truth
 
 
 def feature(kind: str, coordinates: Any, **rest: Any) -> dict[str, Any]:
@@ -27,7 +28,9 @@ def test_each_person_is_found_once() -> None:
 
 def test_as_many_people_as_possible_come_before_near_ones() -> None:
     # greedy would give place 1 to b, and leave a and place 2 alone
-    match = match_truth([location(1, 0, 0), location(2, 1.8, 0)], [standing("a", -1.5, 0), standing("b", 0.1, 0)])
+    match = match_truth(
+        [location(1, 0, 0), location(2, 1.8, 0)], [standing("a", -1.5, 0), standing("b", 0.1, 0)]
+    )
     assert {(f.location, f.person) for f in match.found} == {(1, "a"), (2, "b")}
     assert match.mean_distance_m == pytest.approx((1.5 + 1.7) / 2)
 
@@ -98,5 +101,3 @@ def test_what_is_no_geojson_is_an_input_error(tmp_path: Path, text: str) -> None
 def test_a_missing_file_is_an_input_error(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no file"):
         load_truth(tmp_path / "people.geojson", FRAME)
-
-

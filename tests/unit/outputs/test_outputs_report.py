@@ -1,0 +1,99 @@
+import base64
+import dataclasses
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from synthetic_search import location, standing
+
+from pipeline.outputs.report import ReportData, render_report, verdict, write_report
+from pipeline.outputs.truth import match_truth
+
+Search = Callable[..., ReportData]
+
+
+def test_the_report_needs_nothing_from_outside(search: Search) -> None:
+    html = render_report(search())
+    assert "default-src 'none'" in html
+    sources = re.findall(r'(?:src|href)="([^"]*)"', html)
+    assert sources
+    assert all(source.startswith(("data:image/png;base64,", "geo:")) for source in sources)
+    assert "http://" not in html
+    assert "https://" not in html
+    assert "<script" not in html
+
+
+def test_its_pictures_are_pictures(search: Search) -> None:
+    pictures = re.findall(r'src="data:image/png;base64,([^"]*)"', render_report(search()))
+    assert len(pictures) == 4  # map, schedule, two crops
+    assert all(base64.b64decode(picture, validate=True).startswith(b"\x89PNG") for picture in pictures)
+
+
+def test_text_from_outside_is_escaped(search: Search) -> None:
+    html = render_report(search())
+    assert "Bear &lt;valley&gt; &amp; creek" in html
+    assert "<valley>" not in html
+
+
+def test_every_place_stream_link_and_reason_is_in_it(search: Search) -> None:
+    html = render_report(search())
+    for text in (
+        "63.39",
+        "97.0 %",
+        "10:00:03",
+        "nobody there",
+        "half hidden",
+        "link full: 5",
+        "4.00 Mbps",
+        "no limit",
+        "48%",
+    ):
+        assert text in html, text
+    assert "2 of 3 people found" in html
+
+
+def test_without_truth_there_is_no_talk_of_it(search: Search) -> None:
+    html = render_report(search(known=False))
+    assert "true place" not in html
+    assert "nobody there" not in html
+
+
+def test_a_run_without_a_find_has_a_report(search: Search) -> None:
+    html = render_report(search(found=False, known=False))
+    assert "No place reached the threshold" in html
+    assert "What the cameras saw" not in html
+
+
+def test_a_run_without_a_plan_has_a_report(search: Search) -> None:
+    data = search()
+    plan = dataclasses.replace(
+        data.summary.plan, status="unknown", objective=None, bound=None, gap=None, assignments=()
+    )
+    summary = dataclasses.replace(data.summary, plan=plan, links=[], substreams=[])
+    assert "Status unknown;" in render_report(dataclasses.replace(data, summary=summary))
+
+
+def test_the_same_data_gives_the_same_file(search: Search, tmp_path: Path) -> None:
+    write_report(tmp_path / "a.html", search())
+    write_report(tmp_path / "b.html", search())
+    assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("places", "people", "sentence"),
+    [
+        (1, 1, "1 of 1 person found, 0.00 m from the true place on average; no false place."),
+        (2, 1, "1 of 1 person found, 0.00 m from the true place on average; 1 false place."),
+        (0, 2, "0 of 2 people found; no false place."),
+    ],
+)
+def test_the_verdict_counts_found_people_and_false_places(places: int, people: int, sentence: str) -> None:
+    locations = [location(k, 10.0 * k, 0.0) for k in range(places)]
+    truth = [standing(str(k), 10.0 * k, 0.0) for k in range(people)]
+    assert verdict(locations, match_truth(locations, truth)) == sentence
+
+
+def test_the_verdict_without_truth_claims_no_more_than_it_knows() -> None:
+    assert verdict([location(1, 0, 0, 0.934)], None).startswith("1 place where a person is likely; ")
+    assert "may still hide" in verdict([], None)

@@ -1,0 +1,44 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+pytest.importorskip("faster_coco_eval", reason="the extra [train] is not installed")
+
+from pipeline.training.accuracy import Seen, accuracy  # noqa: E402
+
+BOXES = np.array([[10.0, 10.0, 40.0, 90.0], [100.0, 50.0, 160.0, 90.0]])
+
+
+def seen(found, scores, visible=(1.0, 1.0)) -> Seen:
+    return Seen((320, 200), BOXES, np.array(visible), np.array(found, float).reshape(-1, 4), np.array(scores, float))
+
+
+def test_the_truth_itself_is_perfect():
+    result = accuracy([seen(BOXES, [0.9, 0.8])])
+    assert (result.ap, result.ap50, result.recall, result.precision) == (1.0, 1.0, 1.0, 1.0)
+    assert result.bottom_edge_px == 0.0
+
+
+def test_nothing_found_is_worth_nothing():
+    result = accuracy([seen([], [])])
+    assert (result.ap, result.recall, result.people) == (0.0, 0.0, 2)
+
+
+def test_one_of_two_found_and_one_invented():
+    result = accuracy([seen([BOXES[0] + [0, 0, 0, 4], [200, 100, 220, 150]], [0.9, 0.8])])
+    assert result.recall == result.precision == 0.5
+    assert result.ap50 == pytest.approx(0.5, abs=0.01)
+    assert result.bottom_edge_px == 4.0
+
+
+def test_hidden_people_are_neither_missed_nor_wrongly_found():
+    for found in (BOXES[:1], BOXES):
+        result = accuracy([seen(found, [0.9, 0.8][: len(found)], visible=(1.0, 0.1))])
+        assert (result.people, result.recall, result.precision, result.ap50) == (1, 1.0, 1.0, 1.0)
+
+
+def test_scores_below_the_operating_point_count_for_ap_alone():
+    result = accuracy([seen(BOXES, [0.9, 0.2])])
+    assert result.ap50 == 1.0
+    assert result.recall == 0.5
