@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.detection.layouts import LAYOUTS, Layout, recognise
+from pipeline.detection.layouts import LAYOUTS, recognise
+from pipeline.detection.layouts.base import Layout
 from pipeline.detection.nms import non_maximum_suppression
 from pipeline.detection.session import Session
 from pipeline.errors import InputError
@@ -23,7 +24,8 @@ class Detector:
     def detect(self, image: NDArray[np.uint8]) -> tuple[FloatArray, FloatArray, NDArray[np.int64]]:
         """People in a picture (H, W, 3) RGB, highest score first.
 
-        Boxes (N, 4) xyxy in pixels, inside the picture; scores (N,) from score_threshold to 1; class ids (N,), 0.
+        Boxes (N, 4) xyxy in pixels, inside the picture; scores (N,) of at least score_threshold; class ids
+        (N,), all 0.
         """
         inputs, placement = self.layout.prepare(image)
         boxes, scores = self.layout.decode(self._session.run(inputs))
@@ -38,7 +40,7 @@ class Detector:
 def load_detector(path: Path, *, score_threshold: float, threads: int = 1, provider: str = "cpu") -> Detector:
     """Open an ONNX file of any known layout.
 
-    Raises InputError if the file is missing, not ONNX, or of an unknown layout, or the provider is not installed.
+    Raises InputError if the file is missing, not ONNX or of an unknown layout, or the provider not installed.
     """
     session = Session(path, threads, provider)
     layout = recognise(session.signature)

@@ -12,15 +12,14 @@ from numpy.typing import NDArray
 from pipeline.detection.resize_kernel import halve, resample
 from pipeline.messages import FloatArray
 
-
 Filter = Literal["area", "linear", "triangle"]
 
 
 def resize(image: NDArray[np.uint8], width: int, height: int, method: Filter = "area") -> NDArray[np.uint8]:
     """The picture, uint8 (H, W, 3), at height x width; pixel corners map to pixel corners.
 
-    area: the mean over each output pixel, interpolating linearly when growing. linear: between the nearest pixel
-    centres, aliased when shrinking (OpenCV's). triangle: linear, widened by the scale when shrinking (Pillow's).
+    area: the mean over each output pixel, linear when growing. linear: between the nearest pixel centres, so
+    aliased when shrinking (OpenCV's). triangle: linear, but as wide as the scale when shrinking (Pillow's).
     """
     if image.shape[:2] == (height, width):
         return image
@@ -37,7 +36,7 @@ def resize(image: NDArray[np.uint8], width: int, height: int, method: Filter = "
 
 @lru_cache(maxsize=64)
 def _weights(size_in: int, size_out: int, method: Filter) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
-    """For every output pixel of one axis the first input pixel (n,), and the weights (n, taps) from there on."""
+    """For each output pixel of an axis: its first input pixel (n,), and the weights (n, taps) from there."""
     dense = _FILTERS[method](size_in, size_out)
     used = dense > 1e-9
     taps = int(used.sum(axis=1).max())
@@ -56,7 +55,7 @@ def _area(size_in: int, size_out: int) -> FloatArray:
 
 
 def _linear(size_in: int, size_out: int) -> FloatArray:
-    """Weights (out, in) of linear interpolation between pixel centres; the border pixel beyond the last centre."""
+    """Weights (out, in) of linear interpolation between pixel centres, constant beyond the last."""
     centre = (np.arange(size_out)[:, None] + 0.5) * (size_in / size_out)
     distance = np.abs(np.arange(size_in) + 0.5 - np.clip(centre, 0.5, size_in - 0.5))
     return np.clip(1.0 - distance, 0.0, None)

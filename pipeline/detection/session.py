@@ -18,7 +18,7 @@ _QUIET = 4
 
 @dataclass(frozen=True, slots=True)
 class Signature:
-    """What a model takes and gives: shapes by tensor name, a free axis as its name; and its custom metadata."""
+    """What a model takes and gives: shapes by tensor name, a free axis as its name; and its metadata."""
 
     inputs: dict[str, tuple[int | str | None, ...]]
     outputs: dict[str, tuple[int | str | None, ...]]
@@ -30,7 +30,7 @@ class Signature:
 
 
 class Session:
-    """An open model. Runs on its own number of threads, one operator at a time, with the same result each time."""
+    """An open model. One operator at a time, on so many threads, with the same result each time."""
 
     def __init__(self, path: Path, threads: int, provider: str) -> None:
         """Raises InputError for a missing file, one that is not ONNX, or a provider that is not installed."""

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -159,15 +159,13 @@ class Fuser:
             model.max_distance_m,
             boxes_px,
         )
-        for row, column in _cells_of(looks):
-            free = (rows != row) | (columns != column)
+        if looks:
+            free = np.ones(len(rows), dtype=bool)
+            for row, column in {(look.row, look.column) for look in looks}:
+                free &= (rows != row) | (columns != column)
             rows, columns, distances = rows[free], columns[free], distances[free]
         p = model.negative(distances, self._p_detector[detections.detector])
         self.map.update(rows, columns, log_odds(p))
-
-
-def _cells_of(looks: list[Look]) -> Iterator[tuple[int, int]]:
-    yield from {(look.row, look.column): None for look in looks}
 
 
 def _box_fault(box: FloatArray, score: float, camera: Camera) -> str | None:

@@ -19,7 +19,7 @@ from pipeline.geo.terrain import Terrain
 from pipeline.messages import CameraPose, FloatArray
 
 #: Distance of neighbouring azimuths at the far end, cells.
-_AZIMUTH_SPACING = 0.5
+_AZIMUTH_SPACING = 0.7
 _FEWEST_AZIMUTHS = 64
 #: Straight pieces per side of the outline of a picture whose lens bends straight lines.
 _PIECES_PER_SIDE = 16
@@ -47,11 +47,11 @@ def visible_cells(
     far = _far_m(outline, position[2] - lowest, max_distance_m) / terrain.cell_m
     corner, shape = _window(terrain, position, far)
     stamps = np.zeros(shape, dtype=np.uint8)
-    cells = np.empty((stamps.size, 2), dtype=np.int64)
+    cells = np.empty((2, stamps.size), dtype=np.int64)
     azimuths = _azimuths(outline, far)
     drop = max(position[2] - highest, 0.0)
     found = sweep(terrain.heights_m, position, outline / cell, azimuths, far, drop, stamps, corner, cells)
-    cells, distances = cells[:found], np.empty(found)
+    distances = np.empty(found)
     boxes = np.ascontiguousarray(excluded_boxes_px, dtype=np.float64).reshape(-1, 4)
     toward_camera = pose.enu_from_camera.T * cell
     kept = observe(
@@ -65,7 +65,7 @@ def visible_cells(
         cells,
         distances,
     )
-    return cells[:kept, 0], cells[:kept, 1], distances[:kept]
+    return cells[0, :kept], cells[1, :kept], distances[:kept]
 
 
 @lru_cache(maxsize=64)

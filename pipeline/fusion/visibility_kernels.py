@@ -18,7 +18,7 @@ def sweep(heights, position, outline, azimuths, far, drop, stamps, corner, cells
     in metres. outline: (N, 3) directions around the picture, metres per cell of horizontal way. azimuths:
     (M,) radians from north. far: horizontal reach, cells. drop: metres from the camera down to the highest
     cell, 0 if the camera is lower. stamps: uint8 window, zero, whose cell (0, 0) is the grid's cell corner
-    (2,); cells: int64 (stamps.size, 2), gets row and column of each seen cell once. Returns how many.
+    (2,); cells: int64 (2, stamps.size), gets row and column of each seen cell once. Returns how many.
     """
     rows, columns = heights.shape
     found = 0
@@ -45,12 +45,11 @@ def sweep(heights, position, outline, azimuths, far, drop, stamps, corner, cells
                 t_row = (r + 0.5 - position[1]) / north
             slope = (height - position[2]) / t
             if slope > horizon:
-                share_per_slope = (t - t_before) / (slope - slope_before)
                 if slope_before < horizon:  # comes into sight on the way here
-                    t_rise = t_before + (horizon - slope_before) * share_per_slope
+                    t_rise = _at(horizon, t_before, slope_before, t, slope)
                     found = _stamp(position, east, north, t_rise, rows, columns, stamps, corner, cells, found)
                 if slope > top and slope_before < top:  # leaves the picture on the way here
-                    t_leave = t_before + (top - slope_before) * share_per_slope
+                    t_leave = _at(top, t_before, slope_before, t, slope)
                     found = _stamp(
                         position, east, north, t_leave, rows, columns, stamps, corner, cells, found
                     )
@@ -72,13 +71,19 @@ def _first_line(position, direction, start):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, error_model="numpy")
+def _at(slope, t_before, slope_before, t_after, slope_after):  # type: ignore[no-untyped-def]
+    """Where between two points of a ray the surface has this slope."""
+    return t_before + (slope - slope_before) / (slope_after - slope_before) * (t_after - t_before)
+
+
+@numba.njit(cache=True, error_model="numpy")
 def _stamp(position, east, north, t, rows, columns, stamps, corner, cells, found):  # type: ignore[no-untyped-def]
     """Note the cell at t along the ray unless it is noted already; returns how many are."""
     r = min(int(position[1] + t * north), rows - 1)
     c = min(int(position[0] + t * east), columns - 1)
     if stamps[r - corner[0], c - corner[1]] == 0:
         stamps[r - corner[0], c - corner[1]] = 1
-        cells[found, 0], cells[found, 1] = r, c
+        cells[0, found], cells[1, found] = r, c
         found += 1
     return found
 
@@ -126,8 +131,8 @@ def observe(heights, position, cell_m, toward_camera, lens, boxes, max_distance,
     metres. Returns how many.
     """
     kept = 0
-    for i in range(cells.shape[0]):
-        r, c = cells[i, 0], cells[i, 1]
+    for i in range(distances.size):
+        r, c = cells[0, i], cells[1, i]
         x, y = c + 0.5 - position[0], r + 0.5 - position[1]
         up = heights[r, c] - position[2]
         distance = math.sqrt((x * x + y * y) * cell_m * cell_m + up * up)
@@ -139,8 +144,7 @@ def observe(heights, position, cell_m, toward_camera, lens, boxes, max_distance,
             pz = x * toward_camera[2, 0] + y * toward_camera[2, 1] + up * toward_camera[2, 2]
             if _in_a_box(px, py, pz, lens, boxes):
                 continue
-        cells[kept, 0] = r
-        cells[kept, 1] = c
+        cells[0, kept], cells[1, kept] = r, c
         distances[kept] = distance
         kept += 1
     return kept

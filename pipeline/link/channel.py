@@ -247,7 +247,7 @@ def _messages(connection: socket.socket) -> Iterator[Message]:
 
 
 def _chunk_bytes(bucket: TokenBucket) -> int:
-    """About 10 ms of the link, within reason, and never more than the bucket holds; all if it has no limit."""
+    """About 10 ms of the link, within reason and what the bucket holds; all if it has no limit."""
     if math.isinf(bucket.rate_bps):
         return MAX_MESSAGE_BYTES
     low, high = _CHUNK_BYTES

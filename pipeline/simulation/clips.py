@@ -19,7 +19,7 @@ _EXTENT = Extent(60.0, 60.0)
 
 
 def flight_over_scene(seed: int, frames: int, rate_hz: float) -> Iterator[LabelledPicture]:
-    """Pictures of a straight flight at 3 m/s, 15 m above ground, 45 degrees down, over a scene of the missions' kind.
+    """Pictures of a straight flight at 3 m/s, 15 m above ground, 45 degrees down, over a scene.
 
     The flight's middle has a person, or any point of the place, in its picture.
     """

@@ -27,7 +27,7 @@ _CLEARANCE_M = 4.0
 class Views:
     """From where pictures are taken: ranges (low, high), and how many people there are at the place.
 
-    height_m: above the bare ground that is aimed at. pitch_deg: below the horizon negative. aimed: the share of
+    height_m: above the bare ground that is aimed at. pitch_deg: below the horizon negative. aimed: share of
     pictures that aim at a person. crowds: numbers of people, drawn anew every shots_per_crowd pictures.
     """
 

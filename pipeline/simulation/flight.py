@@ -14,7 +14,7 @@ from pipeline.geo.pose import enu_from_camera
 from pipeline.messages import CameraPose, FloatArray
 from pipeline.simulation.ground import Extent
 
-#: the last turn lies so far beyond the area
+#: the first picture and the turns lie so far beyond what covers the area
 _OVERSHOOT_M = 4.0
 #: heights follow the mean ground of a disc this wide, not each bump
 _SMOOTHING_RADIUS_M = 9.0
@@ -84,7 +84,7 @@ def _legs(
     steepest = min(-plan.pitch + math.atan((camera.height - camera.cy) / camera.fy), math.pi / 2)
     near, middle = plan.height / math.tan(steepest), plan.height / math.tan(-plan.pitch)
     legs = []
-    north, up = -half - near, True
+    north, up = -half - near - _OVERSHOOT_M, True
     for i, east in enumerate(lanes):
         last = i == len(lanes) - 1
         end = (half - middle if last else half + _OVERSHOOT_M) * (1 if up else -1)

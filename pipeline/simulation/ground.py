@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from pipeline.messages import FloatArray
@@ -147,9 +148,8 @@ def _cells(rng: np.random.Generator, count: int) -> tuple[NDArray[np.int64], Flo
     """Which of so many random stones covers each texel (periodic), and how far inside it: 0 at the edge."""
     points = rng.random((count, 2)) * TILE_TEXELS
     x, y = np.meshgrid(np.arange(TILE_TEXELS) + 0.5, np.arange(TILE_TEXELS) + 0.5)
-    distances, owners = cKDTree(points, boxsize=[TILE_TEXELS, TILE_TEXELS]).query(
-        np.stack([x, y], axis=-1), k=2
-    )
+    found = cKDTree(points, boxsize=np.full(2, float(TILE_TEXELS))).query(np.stack([x, y], axis=-1), k=2)
+    distances, owners = np.asarray(found[0]), np.asarray(found[1], dtype=np.int64)
     spacing = TILE_TEXELS / np.sqrt(count)
     return owners[..., 0], np.clip(1.6 * (distances[..., 1] - distances[..., 0]) / spacing, 0.0, 1.0)
 

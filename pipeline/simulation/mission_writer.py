@@ -35,7 +35,7 @@ def simulate(scenario_path: Path, out: Path, *, progress: Progress, workers: int
     """Render a scenario into a new folder and return its mission file.
 
     out: absent or empty; it appears whole or not at all. workers: processes, by default one for each core;
-    their number changes no byte. Raises InputError for a scenario that cannot be used, and for a folder in use.
+    their number changes no byte. Raises InputError for an unusable scenario and for a folder in use.
     """
     scenario = load_scenario(scenario_path)
     with _appearing(out) as folder:

@@ -69,7 +69,7 @@ def random_train_model(rng: np.random.Generator) -> BodyModel:
     )
 
 
-def random_posture(rng: np.random.Generator, kind: str) -> Posture:  # noqa: PLR0911 - one return for each kind
+def random_posture(rng: np.random.Generator, kind: str) -> Posture:  # noqa: PLR0911 - one return for each kind  # noqa: PLR0911 - one return for each kind
     """Joint angles of a kind of posture, each time a little different."""
 
     def pair(low: float, high: float) -> tuple[float, float]:
@@ -137,6 +137,13 @@ def _random_clothes(rng: np.random.Generator) -> Clothes:
 #: what missions show; training never does
 MISSION_MODELS: tuple[BodyModel, ...] = (
     BodyModel(
+        "sitting woman",
+        Posture(lean=-8.0, bend=18.0, hip=(88.0, 80.0), knee=(78.0, 70.0), shoulder=(42.0, 38.0),
+                elbow=(40.0, 46.0), cross=22.0, spread=(6.0, 8.0), nod=18.0),
+        Clothes("#e3b23c", "#2d3a55", skin="#dbae91", hair="#946d3c"),
+        1.64, 0.92,
+    ),
+    BodyModel(
         "standing hiker",
         Posture(shoulder=(6.0, 18.0), elbow=(20.0, 48.0), hip=(2.0, -4.0), bend=4.0),
         Clothes("#c8372f", "#39424e", skin="#cfa184", hair="#5f4426", pack="#2a6a86"),
@@ -147,13 +154,6 @@ MISSION_MODELS: tuple[BodyModel, ...] = (
         Posture(abduction=(84.0, 92.0), elbow=(6.0, 10.0), spread=(7.0, 7.0)),
         Clothes("#2c7fb0", "#8f8262", skin="#a97452", hair="#1d1713"),
         1.71, 0.95,
-    ),
-    BodyModel(
-        "sitting woman",
-        Posture(lean=-8.0, bend=18.0, hip=(88.0, 80.0), knee=(78.0, 70.0), shoulder=(42.0, 38.0),
-                elbow=(40.0, 46.0), cross=22.0, spread=(6.0, 8.0), nod=18.0),
-        Clothes("#e3b23c", "#2d3a55", skin="#dbae91", hair="#946d3c"),
-        1.64, 0.92,
     ),
     BodyModel(
         "man on his back",

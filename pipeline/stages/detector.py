@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import time
 
+from pipeline.config.mission import Codec
 from pipeline.detection import Detector
 from pipeline.messages import Detections, Dropped, EndOfStream, Hops, Message, Packet
 from pipeline.video.codec import Decoder
@@ -13,7 +14,7 @@ from pipeline.video.codec import Decoder
 class DetectorStage:
     """One decoder and one detector; call it with the messages of its substream in their order."""
 
-    def __init__(self, detector: Detector, codec: str) -> None:
+    def __init__(self, detector: Detector, codec: Codec) -> None:
         self._detector = detector
         self._decoder = Decoder(codec)
 

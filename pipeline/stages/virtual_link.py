@@ -37,8 +37,8 @@ class VirtualLink:
 
 
 def burst_bytes(rate_bps: float) -> float:
-    """A link may send so much at once: 20 ms of its rate, one Ethernet frame at least, a megabyte at most."""
-    return min(max(1500.0, 0.020 * rate_bps / 8.0), 1e6)
+    """A link may send so much at once: 50 ms of its rate, one Ethernet frame at least, a megabyte at most."""
+    return min(max(1500.0, 0.050 * rate_bps / 8.0), 1e6)
 
 
 def unlimited() -> TokenBucket:

@@ -100,8 +100,9 @@ def _cues(path: Path, text: str) -> Iterator[_Cue]:
         for subtitle in srt.parse(text):
             found = text.find(subtitle.content, position)
             line += text.count("\n", position, found)
-            position = found
             yield _Cue(f"{path}:{line}", subtitle.start.total_seconds(), subtitle.content)
+            line += subtitle.content.count("\n")
+            position = found + len(subtitle.content)
     except srt.SRTParseError as error:
         where = f"{path}:{_line(text, error.expected_start)}"
         raise InputError(where, "text that is not SRT", _EXPECTED) from None

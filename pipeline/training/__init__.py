@@ -1,1 +1,1 @@
-"""Training of the shipped person detectors on simulated scenes. Needs the extra ``[train]``; running never does."""
+"""Training of the shipped person detectors on simulated scenes. Needs the extra ``[train]``."""

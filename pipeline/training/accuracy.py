@@ -22,7 +22,7 @@ VISIBLE_MIN = 0.3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Seen:
-    """Of one picture: true boxes (N, 4) xyxy with visible shares (N,), found boxes (M, 4) with scores (M,)."""
+    """Of one picture: true boxes (N, 4) xyxy, their visible shares (N,), found boxes (M, 4), scores (M,)."""
 
     size: tuple[int, int]
     true: FloatArray

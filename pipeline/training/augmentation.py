@@ -21,11 +21,11 @@ _NOISE = np.random.default_rng(0).standard_normal(2**21, np.float32)
 class AugmentationParams(Strict):
     """What is varied.
 
-    crop: edge of the square that the network learns from, in pixels of its input; a multiple of 16.
+    crop: edge of the square that the network learns from, in pixels of its input.
     scale_min, scale_max: size of things relative to what the network sees of a whole picture.
     on_person: share of crops around a person. degraded: share from the pictures after the codec.
-    light: largest change of brightness and contrast, as a share. tint: of each colour. noise: largest standard
-    deviation, of values 0..255. blur: share of crops that are blurred.
+    light: largest change of brightness and contrast, as a share. tint: of each colour. noise: largest
+    standard deviation, of values 0..255. blur: share of crops that are blurred.
     visible_min: people less visible than this, and edge_min: boxes with a shorter edge (pixels of the input),
     are neither right nor wrong.
     """

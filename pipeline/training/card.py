@@ -34,7 +34,8 @@ def write_card(training: Training, model: Path, held_out: PictureSet, today: dat
     card = {
         "name": training.name,
         "trained": today,
-        "purpose": "People in drone video, 8 to 30 m above ground. Simulated-scene accuracy: not measured on real video.",
+        "purpose": "People in drone video from 8 to 30 m above ground",
+        "accuracy": "measured on simulated scenes, not on real video",
         "cost": _cost(training, model) | {"milliseconds_one_thread": round(1e3 * timing.median_s, 1)},
         "held_out": _rules() | {name: _rounded(result) for name, result in results.items()},
         "training": training.model_dump(mode="json"),
@@ -57,9 +58,9 @@ def _cost(training: Training, model: Path) -> dict[str, Any]:
 
 def _rules() -> dict[str, str]:
     return {
-        "scenes": "15 m above ground, 45 degrees down; scenes, textures and body models that training never saw",
+        "scenes": "15 m above ground, 45 degrees down; scenes and body models that training never saw",
         "counted": f"people at least {VISIBLE_MIN:.0%} visible; AP by COCO's rules",
-        "operating_point": f"recall, precision and bottom_edge_px (1024x576) at score {SCORE_THRESHOLD}, IoU 0.5",
+        "operating_point": f"recall, precision, bottom_edge_px (1024x576): score {SCORE_THRESHOLD}, IoU 0.5",
         "degraded_by": "H.264 at 0.2 to 6 Mbps and 10 Hz, last picture of a short pan",
     }
 

@@ -19,7 +19,7 @@ class Input(Strict):
 
 
 class Data(Strict):
-    """Simulated pictures. Scenes train_seed, train_seed + 1, .. are learned from, held_out_seed, .. only measured."""
+    """Simulated pictures. Scenes train_seed, train_seed + 1, .. are learned from, held_out_seed, .. not."""
 
     train_seed: int
     train_scenes: int = Field(ge=1)

@@ -1,4 +1,4 @@
-"""What the link does to a picture: the project's own codec at a low bitrate, in the middle of a moving shot."""
+"""What the link does to a picture: the project's own codec at a low bitrate, in a moving shot."""
 
 from __future__ import annotations
 

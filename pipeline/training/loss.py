@@ -24,8 +24,8 @@ _BOX_HEAT = 0.3
 class Targets:
     """Of a batch, on the network's grid (h, w).
 
-    heat (B, h, w): 1 at the cell of a person's centre, falling to 0 around it. boxes (B, 4, h, w): xyxy in input
-    pixels where box_weight > 0. box_weight (B, h, w). care (B, h, w): 0 where nothing is learned, else 1.
+    heat (B, h, w): 1 at the cell of a person's centre, falling to 0 around it. boxes (B, 4, h, w): xyxy in
+    input pixels where box_weight > 0. box_weight (B, h, w). care (B, h, w): 0 or 1, 0: not learned.
     """
 
     heat: Tensor

@@ -1,4 +1,4 @@
-"""``searchlight measure-pool``: a pool file whose every number was measured, but for what it says is assumed."""
+"""``searchlight measure-pool``: a pool file of measured numbers, but for what it says is assumed."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def measure_pool(
 ) -> Path:
     """Measure detectors, by id, on simulated flights and on this machine, and write the pool file out.
 
-    Each detector's card is expected as MODEL.card.yaml beside it. Raises InputError for a model that cannot be used.
+    A detector's card is expected as MODEL.card.yaml beside it. Raises InputError for an unusable model.
     """
     clips = []
     for i in range(_SCENES):
@@ -91,9 +91,9 @@ def _ap50(detector: Detector, clips: list[list[LabelledPicture]], bitrate_bps: f
 def _pool(models: dict[str, Path], measured: dict[str, Measured], folder: Path) -> dict[str, Any]:
     return {
         "provenance": {
-            "accuracy": f"AP .5 on {_SCENES} simulated flights of {_FRAMES} pictures at {_RATE_HZ:g} Hz, H.264",
+            "accuracy": f"AP .5, {_SCENES} simulated flights of {_FRAMES} pictures at {_RATE_HZ:g} Hz, H.264",
             "scenes": f"seeds {_SEED} to {_SEED + _SCENES - 1}, 15 m above ground, 45 degrees down, 3 m/s",
-            "workstation": f"one thread of {_processor()}, from pixels to boxes; maximum: 99 % of {_TIMED} pictures",
+            "workstation": f"one thread of {_processor()}, pixels to boxes; maximum: 99 % of {_TIMED} runs",
             "memory": f"growth of a fresh process, times {_MEMORY_MARGIN:g}",
             "date": str(datetime.date.today()),
             "command": "searchlight measure-pool",

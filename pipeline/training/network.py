@@ -17,7 +17,7 @@ _USUAL_DISTANCE_STRIDES = 2.0
 
 
 class NetworkParams(Strict):
-    """channels: after the strides 2, 4, 8 and 16. blocks: residual blocks at strides 8 and 16. head: its channels."""
+    """channels: at strides 2, 4, 8 and 16. blocks: residual blocks at strides 8 and 16. head: channels."""
 
     channels: tuple[int, int, int, int]
     blocks: tuple[int, int]
@@ -25,10 +25,10 @@ class NetworkParams(Strict):
 
 
 class PersonNetwork(nn.Module):
-    """Picture (B, 3, H, W) in 0..1, H and W multiples of 16 -> logits (B, H/8, W/8), distances (B, 4, H/8, W/8).
+    """Picture (B, 3, H, W) in 0..1 -> logits (B, H/8, W/8), distances (B, 4, H/8, W/8); H, W multiples of 16.
 
-    Each cell says whether a person's box is centred there, and how far in strides the box reaches to the left,
-    up, to the right and down from the cell's centre. Features at stride 16 widen the view and come back to 8.
+    Each cell says whether a person's box is centred there, and how far in strides the box reaches from the
+    cell's centre to the left, up, to the right and down. Features at stride 16 widen the view and come back.
     """
 
     def __init__(self, params: NetworkParams) -> None:
@@ -75,7 +75,7 @@ def _convolution(channels_in: int, channels_out: int, stride: int, size: int = 3
 
 
 def boxes_of(distances: Tensor) -> Tensor:
-    """Boxes (B, 4, h, w) xyxy in input pixels, of distances (B, 4, h, w) in strides from each cell's centre."""
+    """Boxes (B, 4, h, w) xyxy in input pixels, of distances (B, 4, h, w) in strides from each centre."""
     rows, columns = distances.shape[2:]
     y = (torch.arange(rows, dtype=distances.dtype) + 0.5)[None, :, None].expand(1, rows, columns)
     x = (torch.arange(columns, dtype=distances.dtype) + 0.5)[None, None, :].expand(1, rows, columns)
@@ -84,7 +84,7 @@ def boxes_of(distances: Tensor) -> Tensor:
 
 
 class DecodedNetwork(nn.Module):
-    """What is exported: picture uint8 (1, H, W, 3) RGB -> boxes (1, N, 4) xyxy in its pixels, scores (1, N)."""
+    """What is exported: uint8 (1, H, W, 3) RGB -> boxes (1, N, 4) xyxy in its pixels, scores (1, N)."""
 
     def __init__(self, network: PersonNetwork) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""The pictures to learn from, on disk: clean ones, the same ones after a lossy codec, and the people in them."""
+"""The pictures to learn from, on disk: clean, the same after a lossy codec, and the people in them."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class SceneShots:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PictureSet:
-    """clean, degraded: uint8 (N, H, W, 3), mapped from disk. boxes_px (.., 4) xyxy, visible_shares: per picture."""
+    """clean, degraded: uint8 (N, H, W, 3), on disk. boxes_px (.., 4) xyxy, visible_shares: per picture."""
 
     clean: Image
     degraded: Image
@@ -51,7 +51,9 @@ def shots(
 ) -> list[SceneShots]:
     """pictures spread evenly over scenes with the seeds first_seed, first_seed + 1, .."""
     edges = [pictures * i // scenes for i in range(scenes + 1)]
-    return [SceneShots(first_seed + i, split, views, edges[i], edges[i + 1] - edges[i]) for i in range(scenes)]
+    return [
+        SceneShots(first_seed + i, split, views, edges[i], edges[i + 1] - edges[i]) for i in range(scenes)
+    ]
 
 
 def render_pictures(
@@ -102,7 +104,9 @@ def open_pictures(folder: Path, plan: list[SceneShots]) -> PictureSet:
         raise InputError(folder, "no complete picture set", "a folder written by searchlight train")
     record: dict[str, Any] = json.loads((folder / "people.json").read_text(encoding="utf-8"))
     if record["plan"] != _json(plan):
-        raise InputError(folder, "pictures of other scenes", "those of this training file, or an empty folder")
+        raise InputError(
+            folder, "pictures of other scenes", "those of this training file, or an empty folder"
+        )
     return PictureSet(
         np.load(folder / "clean.npy", mmap_mode="r"),
         np.load(folder / "degraded.npy", mmap_mode="r"),

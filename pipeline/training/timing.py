@@ -18,7 +18,7 @@ _WARM_UP = 5
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """Seconds per picture from uint8 pixels to boxes, on one thread. p99_s: 99 of 100 pictures take no longer."""
+    """Seconds per picture from uint8 pixels to boxes. p99_s: 99 of 100 pictures take no longer."""
 
     mean_s: float
     median_s: float
@@ -37,7 +37,7 @@ def time_detector(detector: Detector, image: NDArray[np.uint8], repeats: int) ->
 
 
 def memory_of(model: Path, image_size: tuple[int, int]) -> int:
-    """Bytes by which a fresh process grows when it opens the model and looks at pictures (width, height) with it."""
+    """Bytes by which a fresh process grows when it opens the model and looks at pictures (width, height)."""
     with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
         return pool.submit(_growth, model, image_size).result()
 

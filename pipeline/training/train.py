@@ -16,10 +16,10 @@ from pipeline.training.pictures import PictureSet, is_complete, open_pictures, r
 def train(
     config_path: Path, out: Path, *, progress: Progress, data: Path | None = None, workers: int = 2
 ) -> Path:
-    """Train the detector of a training file; returns the ONNX file, NAME.onnx in out, with NAME.card.yaml beside it.
+    """Train the detector of a training file; returns NAME.onnx in out, with NAME.card.yaml beside it.
 
-    Goes on from NAME.pt in out if it is there. data: where the rendered pictures are kept, ``out / "data"`` if not
-    given; pictures that are there already are used again. workers: processes that render.
+    Goes on from NAME.pt in out if it is there. data: where the rendered pictures are kept, ``out / "data"``
+    if not given; pictures that are there are used again. workers: processes that render.
     Raises InputError for a bad training file, or a checkpoint or pictures of another one.
     """
     training = load_training(config_path)

@@ -62,7 +62,7 @@ class Encoder:
     Raises InputError if the codec is missing, the size odd, or the bitrate not a positive number.
     """
 
-    def __init__(  # noqa: PLR0917
+    def __init__(
         self,
         codec: CodecName,
         width: int,

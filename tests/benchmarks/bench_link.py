@@ -2,8 +2,8 @@
 
 python tests/benchmarks/bench_link.py [--seconds 60] [--mbps 5]
 
-The first part floods the link with packets of mixed sizes and compares what went through with what is set; the second
-sends single packets over an idle link of infinite rate.
+The first part floods the link with packets of mixed sizes and compares what went through with what is
+set; the second sends single packets over an idle link of infinite rate.
 """
 
 from __future__ import annotations
@@ -30,9 +30,8 @@ _POSE = CameraPose(np.zeros(3), np.eye(3))
 
 
 def packet(nbytes: int, index: int = 0) -> Packet:
-    return Packet(
-        "drone", "detector", index, 0, 0, 1, 30, False, _POSE, bytes(nbytes), 0.0, time.monotonic_ns()
-    )
+    now_ns = time.monotonic_ns()
+    return Packet("drone", "detector", index, 0, 0, 1, 30, False, _POSE, bytes(nbytes), sent_ns=now_ns)
 
 
 def receive(pipe: Connection, token: bytes) -> None:
@@ -105,7 +104,7 @@ def main() -> None:
     obtained = bandwidth(arguments.seconds, arguments.mbps * 1e6) / 1e6
     error = obtained / arguments.mbps - 1.0
     print(
-        f"set {arguments.mbps:g} Mbps, obtained {obtained:.4f} Mbps over {arguments.seconds:g} s: {error:+.2%}"
+        f"set {arguments.mbps:g} Mbps, obtained {obtained:.4f} Mbps: {error:+.2%} ({arguments.seconds:g} s)"
     )
     for nbytes in SIZES_BYTES:
         times = latencies_us(nbytes, 300)

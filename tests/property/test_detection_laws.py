@@ -18,7 +18,9 @@ size = st.integers(2, 64)
 
 
 def brute_force_iou(a, b):
-    pixels = [{(x, y) for x in range(int(p[0]), int(p[2])) for y in range(int(p[1]), int(p[3]))} for p in (a, b)]
+    pixels = [
+        {(x, y) for x in range(int(p[0]), int(p[2])) for y in range(int(p[1]), int(p[3]))} for p in (a, b)
+    ]
     union = len(pixels[0] | pixels[1])
     return len(pixels[0] & pixels[1]) / union if union else 0.0
 
@@ -46,7 +48,9 @@ def test_a_box_goes_through_the_letterbox_and_back(width, height, input_width, i
     placed, placement = letterbox(image, input_width, input_height, fill=114, centred=centred)
     boxes = np.array([[0.0, 0.0, width, height], [1.0, 2.0, 1.5, 7.0]])
     assert placed.shape == (input_height, input_width, 3)
-    np.testing.assert_allclose(placement.image_from_input(placement.input_from_image(boxes)), boxes, atol=1e-9)
+    np.testing.assert_allclose(
+        placement.image_from_input(placement.input_from_image(boxes)), boxes, atol=1e-9
+    )
 
 
 @given(st.integers(8, 64), st.integers(8, 64), st.booleans())

@@ -15,7 +15,7 @@ from pipeline.messages import FloatArray
 class Layout(Protocol):
     """The pre- and post-processing of one family of networks.
 
-    name: as users read it. nms_iou: boxes that overlap more are one person; 1: the network suppresses by itself.
+    name: as users read it. nms_iou: boxes that overlap more are one person; 1: the network does that.
     """
 
     name: ClassVar[str]
@@ -29,7 +29,7 @@ class Layout(Protocol):
         """The model's inputs for a picture (H, W, 3) RGB, and where in them the picture is."""
 
     def decode(self, outputs: list[NDArray[np.float32]]) -> tuple[FloatArray, FloatArray]:
-        """Boxes (N, 4) xyxy in pixels of the model's input, and scores (N,), of all candidates for a person."""
+        """Of all candidates for a person: boxes (N, 4) xyxy in pixels of the input, and scores (N,)."""
 
 
 def planar(image: NDArray[np.uint8]) -> NDArray[np.float32]:

@@ -18,7 +18,10 @@ _PERSON = 0
 
 @dataclass(frozen=True, slots=True)
 class DeimLayout:
-    """labels (N,), boxes (N, 4) xyxy in the size that orig_target_sizes asks for, scores (N,); or with a batch axis."""
+    """labels (N,), boxes (N, 4) xyxy in the size that orig_target_sizes asks for, scores (N,).
+
+    Some exports have a batch axis of 1 before.
+    """
 
     name: ClassVar[str] = "deim"
     nms_iou: ClassVar[float] = 1.0

@@ -19,7 +19,7 @@ _STRIDE = 16
 
 @dataclass(frozen=True, slots=True)
 class FastestDetLayout:
-    """(1, 85, H / 16, W / 16): objectness, tanh offset, sigmoid size as a share of the picture, 80 classes."""
+    """(1, 85, H / 16, W / 16): objectness, tanh offset, sigmoid size in shares of the picture, classes."""
 
     name: ClassVar[str] = "fastestdet"
     nms_iou: ClassVar[float] = 0.6

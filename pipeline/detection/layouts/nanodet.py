@@ -1,4 +1,4 @@
-"""NanoDet (https://github.com/RangiLyu/nanodet), the six-output export: scores and edge distributions per stride."""
+"""NanoDet (https://github.com/RangiLyu/nanodet), the export with six outputs."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _STD_BGR = np.array([57.375, 57.12, 58.395], np.float32).reshape(1, 3, 1, 1)
 
 @dataclass(frozen=True, slots=True)
 class NanoDetLayout:
-    """Three class scores (1, cells, 80), then three distributions (1, cells, 4 x 8) of edge distances in strides."""
+    """At strides 8, 16, 32: scores (1, cells, 80); then distributions of edge distances (1, cells, 4 x 8)."""
 
     name: ClassVar[str] = "nanodet"
     nms_iou: ClassVar[float] = 0.6

@@ -1,4 +1,4 @@
-"""Our own detectors (``pipeline.training``): uint8 picture in, boxes and scores out; the rest is in the graph."""
+"""Our own detectors (``pipeline.training``): uint8 picture in, boxes and scores out."""
 
 from __future__ import annotations
 

@@ -53,12 +53,12 @@ def test_a_missing_file_is_named(tmp_path):
 
 def test_an_unknown_layout_is_refused_with_the_known_ones(tmp_path):
     onnx = pytest.importorskip("onnx", reason="the extra [train] is not installed")
-    value = [
-        onnx.helper.make_tensor_value_info(name, onnx.TensorProto.FLOAT, [1, 3, 8, 8]) for name in "xy"
-    ]
+    value = [onnx.helper.make_tensor_value_info(name, onnx.TensorProto.FLOAT, [1, 3, 8, 8]) for name in "xy"]
     graph = onnx.helper.make_graph([onnx.helper.make_node("Relu", ["x"], ["y"])], "g", value[:1], value[1:])
     path = tmp_path / "relu.onnx"
-    onnx.save(onnx.helper.make_model(graph, opset_imports=[onnx.helper.make_opsetid("", 17)], ir_version=8), path)
+    onnx.save(
+        onnx.helper.make_model(graph, opset_imports=[onnx.helper.make_opsetid("", 17)], ir_version=8), path
+    )
     with pytest.raises(InputError, match=r"relu\.onnx.*unknown layout.*searchlight, fastestdet, nanodet"):
         load_detector(path, score_threshold=0.3)
 

@@ -77,7 +77,9 @@ def test_fastestdet_decodes_tanh_offsets_and_shares_of_the_picture():
     assert score == pytest.approx(0.9**0.6 * 0.8**0.4)
 
 
-@pytest.mark.parametrize(("name", "cells", "columns", "edge"), [("yolox", 3549, 85, 416), ("light_person", 756, 6, 192)])
+@pytest.mark.parametrize(
+    ("name", "cells", "columns", "edge"), [("yolox", 3549, 85, 416), ("light_person", 756, 6, 192)]
+)
 def test_yolox_decodes_offsets_and_log_sizes_on_its_coarsest_grid(name, cells, columns, edge):
     out = np.zeros((1, cells, columns), np.float32)
     side = edge // 32

@@ -68,12 +68,12 @@ def _brute(terrain, camera, pose, rays_per_pixel=2.0):
 @pytest.mark.parametrize(
     ("seed", "camera", "pose"),
     [
-        (1, SMALL, _pose(-5.0, -15.0, 13.0, 20.0, -45.0)),
-        (2, SMALL, _pose(3.0, 14.0, 12.0, 200.0, -45.0, 10.0)),
-        (3, SMALL, _pose(2.0, 1.0, 16.0, 70.0, -90.0)),
-        (4, SMALL, _pose(4.0, -2.0, 14.0, 300.0, -78.0)),
-        (5, SMALL, _pose(-36.0, 2.0, 12.0, 90.0, -45.0)),
-        (6, BENT, _pose(0.0, -14.0, 13.0, 355.0, -45.0, -5.0)),
+        (1, SMALL, _pose(-5.0, -12.0, 10.0, 20.0, -45.0)),
+        (2, SMALL, _pose(3.0, 12.0, 10.0, 200.0, -45.0, 10.0)),
+        (3, SMALL, _pose(2.0, 1.0, 12.0, 70.0, -90.0)),
+        (4, SMALL, _pose(4.0, -2.0, 12.0, 300.0, -78.0)),
+        (5, SMALL, _pose(-32.0, 2.0, 10.0, 90.0, -45.0)),
+        (6, BENT, _pose(0.0, -12.0, 10.0, 355.0, -45.0, -5.0)),
     ],
     ids=["ahead", "rolled", "straight down", "pole near the edge", "from outside", "bent lens"],
 )
@@ -81,7 +81,7 @@ def test_the_sweep_sees_what_rays_see(seed, camera, pose):
     terrain = _bumpy(seed)
     ours, rays = _seen(terrain, camera, pose), _brute(terrain, camera, pose)
     both = (ours & rays).sum()
-    assert rays.sum() > 300
+    assert rays.sum() > 200
     assert both / ours.sum() >= 0.98
     assert both / rays.sum() >= 0.97
 
@@ -97,7 +97,7 @@ def test_on_a_plane_the_footprint_is_that_of_the_pictures_corners():
 def test_a_wall_hides_what_is_behind_it():
     terrain = _plane()
     terrain.heights_m[80, :] = 6.0  # 10 m north
-    rows, columns, _ = visible_cells(terrain, SMALL, _pose(0.0, 0.0, 8.0, 0.0, -20.0), 80.0, NO_BOXES)
+    rows, _, _ = visible_cells(terrain, SMALL, _pose(0.0, 0.0, 8.0, 0.0, -20.0), 80.0, NO_BOXES)
     # over the crest at 10.25 m, 2 m below the camera, the ground comes into sight at 41 m: outside
     assert rows.max() <= 80
     assert (rows == 80).any()

@@ -33,7 +33,10 @@ def flat(east, north):
     return np.full(np.broadcast(east, north).shape, 100.0)
 
 
-def flights(extent=Extent(60.0, 56.0), **changes):
+AREA = Extent(60.0, 56.0)
+
+
+def flights(extent=AREA, **changes):
     return plan_flights(plan(**changes), CAMERA, extent, 30.0, flat)
 
 
@@ -129,4 +132,6 @@ def test_the_noise_has_the_deviation_and_the_correlation():
 
 def test_one_frame_is_a_flight():
     flight = Flight(np.zeros(1), np.array([[0.0, 0.0, 115.0]]), np.zeros((1, 3)))
-    assert dji_srt(flight, LocalFrame(58.0, 15.0), START, 100.0).startswith("1\n00:00:00,000 --> 00:00:01,000\n")
+    assert dji_srt(flight, LocalFrame(58.0, 15.0), START, 100.0).startswith(
+        "1\n00:00:00,000 --> 00:00:01,000\n"
+    )

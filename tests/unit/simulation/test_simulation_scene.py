@@ -12,11 +12,11 @@ def brute_force_height(mesh, east, north):
     a, b, c = (mesh.vertices[mesh.faces[:, i]] for i in range(3))
     p = np.array([east, north])
     area = np.cross(b - a, c - a)[:, 2]
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore"):  # upright triangles have no area from above
         u = ((p[0] - a[:, 0]) * (c - a)[:, 1] - (p[1] - a[:, 1]) * (c - a)[:, 0]) / area
         v = ((b - a)[:, 0] * (p[1] - a[:, 1]) - (b - a)[:, 1] * (p[0] - a[:, 0])) / area
-    inside = (np.abs(area) > 1e-12) & (u >= 0) & (v >= 0) & (u + v <= 1)
-    heights = a[:, 2] + u * (b - a)[:, 2] + v * (c - a)[:, 2]
+        inside = (np.abs(area) > 1e-12) & (u >= 0) & (v >= 0) & (u + v <= 1)
+        heights = a[:, 2] + u * (b - a)[:, 2] + v * (c - a)[:, 2]
     return heights[inside].max()
 
 
@@ -48,7 +48,7 @@ def test_a_body_rests_on_the_ground(place):
 
 
 def test_the_reference_point_is_the_middle_of_the_footprint(place):
-    person = Person(0, MISSION_MODELS[2], 3.0, -4.0, 0.0)
+    person = Person(0, MISSION_MODELS[0], 3.0, -4.0, 0.0)
     vertices, point = placed(person, place, 0.0).vertices, reference_point(person, place, 0.0)
     assert 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))[:2] == pytest.approx(point[:2])
     assert point[2] == pytest.approx(place.ground.height(np.array([3.0]), np.array([-4.0]))[0])

@@ -70,7 +70,7 @@ def test_the_time_offset_is_added_to_the_telemetry() -> None:
     later = telemetry(time_offset=10.0)
     assert pose_at(track(), 10.25, later, FRAME, "ellipsoid").position_enu[1] == pytest.approx(25.0, abs=1e-3)
     assert utc_ns(track(), 10.25, later) == 10**18 + 250_000_000
-    with pytest.raises(InputError, match="from 10.000 s to 11.000 s of the video"):
+    with pytest.raises(InputError, match=r"from 10\.000 s to 11\.000 s of the video"):
         pose_at(track(), 0.25, later, FRAME, "ellipsoid")
 
 

@@ -5,13 +5,15 @@ import pytest
 
 pytest.importorskip("faster_coco_eval", reason="the extra [train] is not installed")
 
-from pipeline.training.accuracy import Seen, accuracy  # noqa: E402
+from pipeline.training.accuracy import Seen, accuracy
 
 BOXES = np.array([[10.0, 10.0, 40.0, 90.0], [100.0, 50.0, 160.0, 90.0]])
 
 
 def seen(found, scores, visible=(1.0, 1.0)) -> Seen:
-    return Seen((320, 200), BOXES, np.array(visible), np.array(found, float).reshape(-1, 4), np.array(scores, float))
+    return Seen(
+        (320, 200), BOXES, np.array(visible), np.array(found, float).reshape(-1, 4), np.array(scores, float)
+    )
 
 
 def test_the_truth_itself_is_perfect():

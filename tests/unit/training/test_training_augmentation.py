@@ -7,10 +7,10 @@ import pytest
 
 pytest.importorskip("torch", reason="the extra [train] is not installed")
 
-from pipeline.training.augmentation import AugmentationParams, random_crop  # noqa: E402
-from pipeline.training.config import load_training  # noqa: E402
-from pipeline.training.degradation import degrade  # noqa: E402
-from pipeline.training.pictures import PictureSet, open_pictures, shots  # noqa: E402
+from pipeline.training.augmentation import AugmentationParams, random_crop
+from pipeline.training.config import load_training
+from pipeline.training.degradation import degrade
+from pipeline.training.pictures import PictureSet, open_pictures, shots
 
 NANO = Path(__file__).parents[3] / "configs" / "detectors" / "nano.train.yaml"
 

@@ -11,7 +11,9 @@ NOBODY = np.zeros((0, 4))
 
 
 def targets(people: list[list[float]], ignored: list[list[float]] = ()) -> Targets:
-    return Targets.of([np.array(people, float).reshape(-1, 4)], [np.array(ignored, float).reshape(-1, 4)], 64, 96)
+    return Targets.of(
+        [np.array(people, float).reshape(-1, 4)], [np.array(ignored, float).reshape(-1, 4)], 64, 96
+    )
 
 
 def test_heat_is_one_at_the_cell_of_each_centre_and_nowhere_else():

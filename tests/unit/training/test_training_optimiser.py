@@ -36,7 +36,9 @@ def toy():
     return training.model_copy(
         update={
             "input": training.input.model_copy(update={"width": 256, "height": 144}),
-            "network": training.network.model_copy(update={"channels": (4, 8, 8, 16), "blocks": (0, 1), "head": 8}),
+            "network": training.network.model_copy(
+                update={"channels": (4, 8, 8, 16), "blocks": (0, 1), "head": 8}
+            ),
             "augmentation": training.augmentation.model_copy(update={"crop": 96}),
             "optimisation": training.optimisation.model_copy(
                 update={"steps": 40, "batch": 4, "warmup_steps": 5, "save_every": 20, "learning_rate": 0.01}

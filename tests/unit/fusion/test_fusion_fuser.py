@@ -1,0 +1,191 @@
+import math
+
+import numpy as np
+import pytest
+
+from pipeline.errors import InputError
+from pipeline.fusion.fuser import Fuser
+from pipeline.fusion.sensor_model import SensorModel
+from pipeline.fusion.voxel_map import log_odds
+from pipeline.geo.pose import enu_from_camera
+from pipeline.messages import CameraPose, Detections
+
+#: 15 m above the ground, looking north and 45 degrees down: the optical axis meets the ground 15 m ahead.
+POSE = CameraPose(np.array([0.1, -0.1, 15.0]), enu_from_camera(0.0, math.radians(-45.0), 0.0))
+#: its bottom centre is the principal point
+PERSON = (487.0, 218.0, 537.0, 288.0)
+
+
+def _frame(*boxes, scores=None, pose=POSE, stream="a", detector="d", time_ns=1):
+    return Detections(
+        stream=stream,
+        detector=detector,
+        index=0,
+        time_ns=time_ns,
+        pose=pose,
+        boxes_px=np.array(boxes, dtype=np.float64).reshape(-1, 4),
+        scores=np.array(scores if scores is not None else [0.8] * len(boxes)),
+        class_ids=np.zeros(len(boxes), dtype=np.int64),
+    )
+
+
+@pytest.fixture
+def fuser(plane, params, camera):
+    return Fuser(plane, params, {"a": camera}, {"d": 1.0, "half": 0.5})
+
+
+def _cell(fuser, east, north):
+    return tuple(fuser.map.terrain.cells(np.array([[east, north]]))[0])
+
+
+def test_a_detection_raises_the_voxel_under_its_bottom_centre(fuser, camera, params):
+    fuser.apply(_frame(PERSON))
+    distance = 15.0 * math.sqrt(2.0)
+    p = SensorModel(camera, params).positive(np.array(PERSON), 0.8, distance, 1.0)
+    raised = np.argwhere(fuser.map.log_odds > 0.0)
+    assert p > 0.7
+    assert [tuple(cell) for cell in raised] == [_cell(fuser, 0.1, 14.9)]
+    assert fuser.map.log_odds[_cell(fuser, 0.1, 14.9)] == pytest.approx(
+        float(log_odds(np.array(p))), abs=1e-3
+    )
+
+
+def test_the_look_remembers_where_and_how_much(fuser):
+    fuser.apply(_frame(PERSON, time_ns=7))
+    (look,) = fuser.looks
+    np.testing.assert_allclose(look.intersection_enu, [0.1, 14.9, 0.0], atol=0.02)
+    np.testing.assert_array_equal(look.camera_enu, POSE.position_enu)
+    assert (look.time_ns, look.stream, look.detector, look.score) == (7, "a", "d", 0.8)
+    # the centre of the box is 35 px above the axis
+    assert math.asin(look.center_ray_enu[2]) == pytest.approx(-math.pi / 4.0 + math.atan(35.0 / 900.0))
+
+
+def test_the_centre_can_be_the_significant_point(plane, params, camera):
+    fuser = Fuser(plane, params.model_copy(update={"significant_point": "center"}), {"a": camera}, {"d": 1.0})
+    fuser.apply(_frame(PERSON))
+    away = 15.0 / math.tan(math.pi / 4.0 - math.atan(35.0 / 900.0))
+    assert fuser.looks[0].intersection_enu[1] == pytest.approx(-0.1 + away, abs=0.02)
+
+
+def test_a_frame_without_detections_lowers_what_it_sees_and_nothing_else(fuser, camera, params):
+    fuser.apply(_frame())
+    seen = fuser.map.observations > 0
+    assert (fuser.map.log_odds[seen] < 0.0).all()
+    assert (fuser.map.log_odds[~seen] == 0.0).all()
+    assert (fuser.map.observations[seen] == 1).all()
+    row, column = _cell(fuser, 0.1, 14.9)
+    center = fuser.map.terrain.centers(np.array([row]), np.array([column]))[0]
+    distance = np.array(math.dist(center, POSE.position_enu))
+    expected = float(log_odds(SensorModel(camera, params).negative(distance, 1.0)))
+    assert fuser.map.log_odds[row, column] == pytest.approx(expected, rel=1e-5)
+
+
+def test_what_lies_behind_a_box_is_not_lowered(fuser):
+    fuser.apply(_frame(PERSON))
+    assert fuser.map.observations[_cell(fuser, 0.1, 15.9)] == 0
+    assert fuser.map.observations[_cell(fuser, 3.1, 15.9)] == 1
+
+
+def test_a_raised_voxel_is_not_lowered_by_the_same_frame(fuser):
+    fuser.apply(_frame(PERSON))
+    assert fuser.map.observations[_cell(fuser, 0.1, 14.9)] == 1
+
+
+def test_a_less_accurate_detector_says_less(plane, params, camera):
+    maps = []
+    for detector in ("d", "half"):
+        fuser = Fuser(plane, params, {"a": camera}, {"d": 1.0, "half": 0.5})
+        fuser.apply(_frame(PERSON, detector=detector))
+        maps.append(fuser.map.log_odds)
+    assert (np.abs(maps[1]) <= np.abs(maps[0])).all()
+    assert maps[1].max() < maps[0].max()
+
+
+def test_the_same_results_give_the_same_bytes(plane, params, camera):
+    runs = []
+    for _ in range(2):
+        fuser = Fuser(plane, params, {"a": camera}, {"d": 1.0})
+        for i in range(5):
+            fuser.apply(_frame(PERSON, (100.0 + i, 100.0, 130.0, 180.0), time_ns=i))
+        runs.append(fuser.map.log_odds.tobytes())
+    assert runs[0] == runs[1]
+
+
+@pytest.mark.parametrize(
+    ("box", "reason"),
+    [
+        ((0.5, 218.0, 50.0, 288.0), "cut by the picture's border"),
+        ((487.0, 518.0, 537.0, 580.0), "cut by the picture's border"),
+        ((500.0, 287.0, 501.0, 288.0), "not the size of a person, or no trust"),
+        ((300.0, 10.0, 900.0, 500.0), "not the size of a person, or no trust"),
+    ],
+)
+def test_a_box_without_a_place_raises_nothing_and_is_counted(fuser, box, reason):
+    fuser.apply(_frame(box))
+    assert (fuser.map.log_odds <= 0.0).all()
+    assert fuser.looks == []
+    assert fuser.unplaced == {reason: 1}
+    assert not fuser.refused
+
+
+def test_a_box_in_the_sky_has_no_place(fuser):
+    level = CameraPose(POSE.position_enu, enu_from_camera(0.0, 0.0, 0.0))
+    fuser.apply(_frame((487.0, 200.0, 537.0, 250.0), pose=level))
+    assert fuser.unplaced == {"no ground within reach": 1}
+
+
+def test_a_box_on_unknown_ground_has_no_place(fuser):
+    fuser.map.terrain.heights_m[100:, :] = np.nan
+    fuser.apply(_frame(PERSON))
+    assert fuser.unplaced == {"no ground within reach": 1}
+
+
+def _posed(position, rotation=POSE.enu_from_camera):
+    return CameraPose(np.array(position, dtype=np.float64), np.array(rotation, dtype=np.float64))
+
+
+@pytest.mark.parametrize(
+    ("frame", "reason"),
+    [
+        (_frame(PERSON, stream="x"), "unknown stream"),
+        (_frame(PERSON, detector="x"), "unknown detector"),
+        (_frame(PERSON, scores=[0.5, 0.5]), "boxes and scores of different number"),
+        (_frame(PERSON, pose=_posed([np.nan, 0.0, 15.0])), "pose with NaN"),
+        (_frame(PERSON, pose=_posed([0.0, 0.0, 15.0], np.full((3, 3), np.nan))), "pose with NaN"),
+        (_frame(PERSON, pose=_posed([0.0, 0.0, 15.0], np.ones((3, 3)))), "attitude that is no rotation"),
+        (_frame(PERSON, pose=_posed([0.0, 0.0, 15.0], -np.eye(3))), "attitude that is no rotation"),
+        (_frame(PERSON, pose=_posed([41.0, 0.0, 15.0])), "pose outside the terrain"),
+        (_frame(PERSON, pose=_posed([0.0, 0.0, -0.1])), "pose under the ground"),
+    ],
+)
+def test_a_bad_result_is_counted_and_leaves_the_map_as_it_was(fuser, frame, reason):
+    fuser.apply(frame)
+    assert fuser.refused == {reason: 1}
+    assert not fuser.map.observations.any()
+
+
+@pytest.mark.parametrize(
+    ("box", "score", "reason"),
+    [
+        ((np.nan, 218.0, 537.0, 288.0), 0.8, "box with NaN"),
+        ((537.0, 218.0, 487.0, 288.0), 0.8, "box without area"),
+        ((487.0, 218.0, 487.0, 288.0), 0.8, "box without area"),
+        ((1100.0, 218.0, 1150.0, 288.0), 0.8, "box outside the picture"),
+        ((-50.0, 218.0, -1.0, 288.0), 0.8, "box outside the picture"),
+        (PERSON, 1.1, "score outside 0..1"),
+        (PERSON, -0.1, "score outside 0..1"),
+        (PERSON, float("nan"), "score outside 0..1"),
+    ],
+)
+def test_a_bad_box_is_counted_and_the_rest_of_its_frame_is_used(plane, params, camera, box, score, reason):
+    other = (100.0, 100.0, 150.0, 180.0)
+    with_bad, without = (Fuser(plane, params, {"a": camera}, {"d": 1.0}) for _ in range(2))
+    with_bad.apply(_frame(box, other, scores=[score, 0.9]))
+    without.apply(_frame(other, scores=[0.9]))
+    assert with_bad.refused == {reason: 1}
+    np.testing.assert_array_equal(with_bad.map.log_odds, without.map.log_odds)
+
+
+def test_a_relative_accuracy_above_one_is_refused(plane, params, camera):
+    with pytest.raises(InputError, match="relative accuracy of d"):
+        Fuser(plane, params, {"a": camera}, {"d": 1.2})

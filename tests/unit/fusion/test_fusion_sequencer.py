@@ -1,0 +1,79 @@
+import numpy as np
+
+from pipeline.fusion.sequencer import Sequencer
+from pipeline.messages import CameraPose, Detections, Dropped, EndOfStream
+
+POSE = CameraPose(np.zeros(3), np.eye(3))
+
+
+def _result(stream, time_ns, detector="d"):
+    empty = np.zeros((0, 4)), np.zeros(0), np.zeros(0, dtype=np.int64)
+    return Detections(stream, detector, 0, time_ns, POSE, *empty)
+
+
+def _orders(results):
+    return [(r.time_ns, r.stream) for r in results]
+
+
+def test_a_result_waits_for_every_open_substream():
+    sequencer = Sequencer({("a", "d"), ("b", "d")}, None)
+    assert sequencer.push(_result("a", 10)) == []
+    assert sequencer.push(_result("a", 20)) == []
+    assert _orders(sequencer.push(_result("b", 15))) == [(10, "a"), (15, "b")]
+
+
+def test_equal_times_come_in_order_of_stream():
+    sequencer = Sequencer({("a", "d"), ("b", "d")}, None)
+    sequencer.push(_result("b", 10))
+    assert _orders(sequencer.push(_result("a", 10))) == [(10, "a"), (10, "b")]
+
+
+def test_a_dropped_frame_lets_the_others_pass():
+    sequencer = Sequencer({("a", "d"), ("b", "d")}, None)
+    sequencer.push(_result("a", 10))
+    assert _orders(sequencer.push(Dropped("b", "d", 0, 12, "queue full"))) == [(10, "a")]
+
+
+def test_an_ended_substream_is_waited_for_no_longer():
+    sequencer = Sequencer({("a", "d"), ("b", "d")}, None)
+    sequencer.push(_result("a", 10))
+    assert _orders(sequencer.push(EndOfStream("b", "d"))) == [(10, "a")]
+
+
+def test_a_silent_substream_is_waited_for_as_long_as_the_lateness():
+    sequencer = Sequencer({("a", "d"), ("b", "d")}, 100)
+    assert sequencer.push(_result("a", 10)) == []
+    assert sequencer.push(_result("a", 109)) == []
+    assert _orders(sequencer.push(_result("a", 110))) == [(10, "a")]
+
+
+def test_a_late_result_is_dropped_and_counted():
+    sequencer = Sequencer({("a", "d"), ("b", "d")}, 100)
+    sequencer.push(_result("a", 10))
+    sequencer.push(_result("a", 110))
+    assert sequencer.push(_result("b", 9)) == []
+    assert sequencer.refused == {("b", "d", "late"): 1}
+    assert _orders(sequencer.finish()) == [(110, "a")]
+
+
+def test_a_result_that_comes_twice_counts_once():
+    sequencer = Sequencer({("a", "d"), ("b", "d")}, None)
+    sequencer.push(_result("a", 10))
+    sequencer.push(_result("a", 10))
+    assert _orders(sequencer.push(_result("b", 10))) == [(10, "a"), (10, "b")]
+    assert sequencer.push(_result("a", 10)) == []
+    assert sequencer.refused == {("a", "d", "duplicate"): 2}
+    assert sequencer.finish() == []
+
+
+def test_a_result_of_an_unknown_substream_is_dropped_and_counted():
+    sequencer = Sequencer({("a", "d")}, None)
+    assert sequencer.push(_result("a", 10, detector="x")) == []
+    assert sequencer.refused == {("a", "x", "unknown substream"): 1}
+
+
+def test_finish_releases_the_rest_in_order():
+    sequencer = Sequencer({("a", "d"), ("b", "d")}, None)
+    sequencer.push(_result("a", 20))
+    sequencer.push(_result("a", 30))
+    assert _orders(sequencer.finish()) == [(20, "a"), (30, "a")]
