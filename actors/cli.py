@@ -165,8 +165,8 @@ def _print_people(summary) -> None:  # type: ignore[no-untyped-def]
 
     table = Table(title=verdict(summary.locations, summary.match))
     distance = {} if summary.match is None else summary.match.distance_m
-    for column in ("place", "probability", "latitude", "longitude", "seen from", "to", "to the true place"):
-        table.add_column(column, justify="right")
+    for column in ("place", "prob.", "latitude", "longitude", "seen from", "to", "off by"):
+        table.add_column(column, justify="right", no_wrap=True)
     for place in summary.locations:
         known = (
             f"{distance[place.id]:.2f} m"

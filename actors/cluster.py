@@ -1,4 +1,4 @@
-"""Attach to a Ray cluster, or start one on loopback that lives as long as the run and leaves nothing behind."""
+"""Attach to a Ray cluster, or start one on loopback that ends with the run and leaves nothing behind."""
 
 from __future__ import annotations
 

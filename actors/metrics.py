@@ -125,11 +125,11 @@ def _result_metrics(reducer: ReducerStatus) -> Iterable[Metric]:
     for (stream, detector), reasons in reducer.dropped.items():
         for reason, count in reasons.items():
             dropped.add_metric([stream, detector, reason], count)
-    refused = CounterMetricFamily(
-        "searchlight_evidence_refused", "Evidence that the map did not take", labels=["reason"]
+    not_taken = CounterMetricFamily(
+        "searchlight_evidence_not_taken", "Evidence that the map did not take", labels=["reason"]
     )
-    for reason, count in reducer.refused.items():
-        refused.add_metric([reason], count)
+    for reason, count in reducer.not_taken.items():
+        not_taken.add_metric([reason], count)
     latency = HistogramMetricFamily(
         "searchlight_hop_seconds",
         "Time a result spent on each part of its way",
@@ -144,5 +144,5 @@ def _result_metrics(reducer: ReducerStatus) -> Iterable[Metric]:
             latency.add_metric([stream, detector, hop], buckets, histogram.sum_s)
     yield results
     yield dropped
-    yield refused
+    yield not_taken
     yield latency

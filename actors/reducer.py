@@ -31,7 +31,7 @@ class ReducerStatus:
     dropped: dict[tuple[str, str], dict[str, int]]
     frames: dict[str, int]
     frames_dropped: dict[str, dict[str, int]]
-    refused: dict[str, int]
+    not_taken: dict[str, int]
     hops: dict[tuple[str, str], dict[str, HopHistogram]]
     rejected: int
     error: str | None
@@ -64,7 +64,7 @@ class ReducerActor:
                 dropped={key: dict(Counter(frames.values())) for key, frames in stage.dropped.items()},
                 frames={stream: len(stage.frames(stream)) for stream in streams},
                 frames_dropped={stream: stage.frames_dropped(stream) for stream in streams},
-                refused=dict(stage.fuser.refused),
+                not_taken=stage.not_taken,
                 hops={key: dict(hops) for key, hops in stage.hops.items()},
                 rejected=self._receiver.rejected,
                 error=self._error,

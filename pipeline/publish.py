@@ -33,7 +33,8 @@ from pipeline.telemetry.track import pose_at
 class FinishedRun:
     """What a run leaves behind, before it is written.
 
-    pace: ``realtime``, ``max`` or ``local``. bytes_sent: per (stream, site). seconds: first frame to last result.
+    pace: ``realtime``, ``max`` or ``local``. bytes_sent: per (stream, site). seconds: first frame to last
+    result.
     """
 
     plan: Plan
@@ -88,6 +89,7 @@ def _summary(
         ],
         locations=locations,
         match=match_truth(locations, truth) if truth else None,
+        evidence=run.reducer.not_taken,
         provenance=_provenance(),
     )
 

@@ -19,7 +19,9 @@ def small_mission(tmp_path_factory: pytest.TempPathFactory) -> Path:
     inventory = (ROOT / "configs/inventories/demo.yaml").read_text(encoding="utf-8")
     (folder / "inventory.yaml").write_text(inventory, encoding="utf-8")
     pool = (ROOT / "configs/pools/demo.yaml").read_text(encoding="utf-8")
-    (folder / "pool.yaml").write_text(pool.replace("../detectors", str(ROOT / "configs/detectors")), encoding="utf-8")
+    (folder / "pool.yaml").write_text(
+        pool.replace("../detectors", str(ROOT / "configs/detectors")), encoding="utf-8"
+    )
     lines = mission.read_text(encoding="utf-8").splitlines()
     here = {"inventory": "inventory: inventory.yaml", "pool": "pool: pool.yaml"}
     lines = [here.get(line.split(":")[0], line) for line in lines]

@@ -82,7 +82,8 @@ class Summary:
     """A finished run.
 
     seconds: wall time of the run. video_seconds: the longest video. pace: ``realtime`` or ``max``.
-    match: None where the truth is not known. provenance: label -> text, such as versions; never a secret.
+    match: None where the truth is not known. evidence: what the map did not take, reason -> count.
+    provenance: label -> text, such as versions; never a secret.
     """
 
     mission: str
@@ -96,6 +97,7 @@ class Summary:
     links: Sequence[LinkUse]
     locations: Sequence[SalientLocation]
     match: TruthMatch | None
+    evidence: Mapping[str, int]
     provenance: Mapping[str, str]
 
 
@@ -120,6 +122,7 @@ def summary_to_json(summary: Summary) -> dict[str, Any]:
         "links": [_link(link) for link in summary.links],
         "found": [_place(place) for place in summary.locations],
         "truth": None if summary.match is None else _truth(summary.match),
+        "evidence_not_taken": dict(sorted(summary.evidence.items())),
         "provenance": dict(summary.provenance),
     }
     plain = _finite(content)

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from pipeline.messages import FloatArray

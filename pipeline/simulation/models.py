@@ -69,7 +69,7 @@ def random_train_model(rng: np.random.Generator) -> BodyModel:
     )
 
 
-def random_posture(rng: np.random.Generator, kind: str) -> Posture:  # noqa: PLR0911 - one return for each kind  # noqa: PLR0911 - one return for each kind
+def random_posture(rng: np.random.Generator, kind: str) -> Posture:  # noqa: PLR0911 - one return for each kind
     """Joint angles of a kind of posture, each time a little different."""
 
     def pair(low: float, high: float) -> tuple[float, float]:

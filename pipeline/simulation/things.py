@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from numpy.typing import NDArray
 
 from pipeline.messages import FloatArray
 from pipeline.simulation.mesh import Mesh, box, ellipsoid, flat, limb, linear, merged, painted, rotation_z

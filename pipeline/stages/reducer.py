@@ -59,6 +59,14 @@ class ReducerStage:
         """Apply what is still held back."""
         self._apply(self._sequencer.finish())
 
+    @property
+    def not_taken(self) -> dict[str, int]:
+        """What did not change the map: results that came twice or late, bad input, boxes without a place."""
+        results = Counter[str]()
+        for (_, _, reason), count in self._sequencer.refused.items():
+            results[reason] += count
+        return dict(results + self.fuser.refused + self.fuser.unplaced)
+
     def frames(self, stream: str) -> set[int]:
         """Indices of the frames of a stream that at least one detector has looked at."""
         return set().union(*(frames for key, frames in self.processed.items() if key[0] == stream))

@@ -62,8 +62,8 @@ class SourceCount:
     """Frames of one stream, as the source knows them.
 
     captured: in the video. not_sampled: not on the processing clock. due: frame index -> the detectors whose
-    turn it was. dropped: (frame index, detector) -> why the frame was not sent. frames_dropped: frames that were
-    sent to nobody, by reason.
+    turn it was. dropped: (frame index, detector) -> why the frame was not sent. frames_dropped: frames that
+    were sent to nobody, by reason.
     """
 
     captured: int = 0

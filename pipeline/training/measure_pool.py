@@ -59,7 +59,7 @@ def measure_pool(
         progress("measuring", i, len(models), name)
         measured[name] = _measure(model, clips)
     out.write_text(
-        yaml.safe_dump(_pool(models, measured, out.parent), sort_keys=False, width=110), encoding="utf-8"
+        yaml.safe_dump(pool_of(models, measured, out.parent), sort_keys=False, width=110), encoding="utf-8"
     )
     load_pool(out)
     return out
@@ -88,12 +88,14 @@ def _ap50(detector: Detector, clips: list[list[LabelledPicture]], bitrate_bps: f
     return accuracy(seen).ap50
 
 
-def _pool(models: dict[str, Path], measured: dict[str, Measured], folder: Path) -> dict[str, Any]:
+def pool_of(models: dict[str, Path], measured: dict[str, Measured], folder: Path) -> dict[str, Any]:
+    """The pool file's content; folder: where it will lie."""
     return {
         "provenance": {
             "accuracy": f"AP .5, {_SCENES} simulated flights of {_FRAMES} pictures at {_RATE_HZ:g} Hz, H.264",
             "scenes": f"seeds {_SEED} to {_SEED + _SCENES - 1}, 15 m above ground, 45 degrees down, 3 m/s",
-            "workstation": f"one thread of {_processor()}, pixels to boxes; maximum: 99 % of {_TIMED} runs",
+            "workstation": f"one thread of {_processor()}, processor time from pixels to boxes; "
+            f"maximum: of 99 % of {_TIMED} runs",
             "memory": f"growth of a fresh process, times {_MEMORY_MARGIN:g}",
             "date": str(datetime.date.today()),
             "command": "searchlight measure-pool",

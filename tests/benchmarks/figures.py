@@ -1,4 +1,4 @@
-"""Every figure of the README, measured here: ``make bench``. The two other seeds are rendered first (minutes each)."""
+"""Every figure of the README, measured here: ``make bench``. Two other seeds are rendered first, minutes each."""
 
 from __future__ import annotations
 
@@ -35,7 +35,9 @@ def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=ROOT / "runs/bench")
-    parser.add_argument("--demo-only", action="store_true", help="leave out the two other seeds and the 60 s transfer")
+    parser.add_argument(
+        "--demo-only", action="store_true", help="leave out the two other seeds and the 60 s transfer"
+    )
     arguments = parser.parse_args()
     out: Path = arguments.out
     lines = [f"demo, Ray, pace max: {run(DEMO, out / 'demo')}"]

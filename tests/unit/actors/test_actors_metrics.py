@@ -66,7 +66,7 @@ def test_the_endpoint_shows_frames_hops_links_and_the_plan() -> None:
         'searchlight_link_bandwidth_bps{site="ground",stream="v"} 6e+06',
         'searchlight_hop_seconds_bucket{detector="d",hop="encode",le="0.005",stream="v"} 1.0',
         'searchlight_hop_seconds_count{detector="d",hop="detect",stream="v"} 1.0',
-        'searchlight_evidence_refused_total{reason="bad_box"} 2.0',
+        'searchlight_evidence_not_taken_total{reason="bad_box"} 2.0',
         "searchlight_plan_objective 1.25",
         "searchlight_plan_gap 0.0",
     ):

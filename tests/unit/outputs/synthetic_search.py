@@ -138,6 +138,7 @@ def summary_of(locations: tuple[SalientLocation, ...], truth: tuple[TruePerson, 
         ],
         locations=locations,
         match=match_truth(locations, truth) if truth else None,
+        evidence={"late": 2, "box without area": 1},
         provenance={"python": "3.11.2", "searchlight": "0.1.0"},
     )
 

@@ -15,6 +15,7 @@ from pipeline.errors import InputError
 from pipeline.geo.frame import LocalFrame
 from pipeline.geo.pose import enu_from_camera
 from pipeline.messages import CameraPose
+from pipeline.simulation import mission_writer
 from pipeline.simulation.mission_writer import simulate
 from pipeline.simulation.rehearsal import rehearse
 from pipeline.telemetry.dji_srt import read_dji_srt
@@ -47,13 +48,17 @@ def scenario(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def mission(scenario, tmp_path_factory):
-    return simulate(scenario, tmp_path_factory.mktemp("out") / "mission", progress=nothing, workers=1).parent
+def rehearsal(scenario):
+    """Built once for all tests; only the workers of a pool build it anew."""
+    built = rehearse(load_scenario(scenario))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(mission_writer, "rehearse", lambda _: built)
+        yield built
 
 
 @pytest.fixture(scope="module")
-def rehearsal(scenario):
-    return rehearse(load_scenario(scenario))
+def mission(scenario, rehearsal, tmp_path_factory):
+    return simulate(scenario, tmp_path_factory.mktemp("out") / "mission", progress=nothing, workers=1).parent
 
 
 def test_the_folder_has_all_files(mission):
@@ -93,7 +98,7 @@ def test_the_surface_model_has_the_scene_s_height_at_each_cell_s_centre(mission,
         assert file.crs.to_epsg() == 32633
         heights, transform = file.read(1), file.transform
     rows, columns = (g.ravel() for g in np.mgrid[0 : heights.shape[0] : 7, 0 : heights.shape[1] : 7])
-    x, y = transform * (columns + 0.5, rows + 0.5)
+    x, y = rasterio.transform.xy(transform, rows, columns)
     east, north = Transformer.from_crs("EPSG:32633", rehearsal.frame.crs, always_xy=True).transform(x, y)
     wanted = rehearsal.scene.surface_height(np.asarray(east), np.asarray(north))
     assert heights[rows, columns] == pytest.approx(wanted, abs=2e-3)
@@ -130,7 +135,7 @@ def test_a_walker_s_truth_is_a_track_with_times(mission):
     assert len(people[2]["geometry"]["coordinates"]) == len(people[2]["properties"]["times"])
 
 
-def test_an_interruption_leaves_nothing(scenario, tmp_path):
+def test_an_interruption_leaves_nothing(scenario, rehearsal, tmp_path):
     def interrupt(name, done, total):
         if name == "drone-1":
             raise KeyboardInterrupt
