@@ -1,4 +1,4 @@
-"""The command ``searchlight``."""
+"""Find people in the video of search drones, and say where they are."""
 
 from __future__ import annotations
 
@@ -102,14 +102,31 @@ def train(
     out: Annotated[Path, typer.Option(help="Folder for data, checkpoints and the ONNX file.")],
 ) -> None:
     """Train a person detector on simulated scenes (needs the extra 'train')."""
-    try:
+    with _needs_training(), _progress("steps") as progress:
         from pipeline.training.train import train as train_detector
-    except ModuleNotFoundError as error:
-        raise InputError(
-            "searchlight train", f"no module {error.name}", "pip install 'searchlight[train]'"
-        ) from None
-    with _progress("steps") as progress:
+
         train_detector(config, out, progress=progress)
+
+
+@app.command()
+def measure_pool(
+    models: Annotated[list[Path], typer.Argument(help="ONNX files; the file's name is the detector's id.")],
+    out: Annotated[Path, typer.Option(help="The pool file to write.")],
+) -> None:
+    """Measure detectors on simulated flights and here, and write a pool (needs the extra 'train')."""
+    with _needs_training(), _progress("steps") as progress:
+        from pipeline.training.measure_pool import measure_pool as measure
+
+        measure({model.stem: model for model in models}, out, progress=progress)
+
+
+@contextmanager
+def _needs_training() -> Iterator[None]:
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        expected = "pip install 'searchlight[train]'"
+        raise InputError("the extra 'train'", f"no module {error.name}", expected) from None
 
 
 def main() -> None:
@@ -139,7 +156,7 @@ def _run_local(prepared, progress):  # type: ignore[no-untyped-def]
 
 
 @contextmanager
-def _progress(unit: str) -> Iterator[Callable[[str, int, int], None]]:
+def _progress(unit: str) -> Iterator[Callable[..., None]]:
     bars = Progress(
         TextColumn("{task.description}"),
         BarColumn(),
@@ -150,10 +167,10 @@ def _progress(unit: str) -> Iterator[Callable[[str, int, int], None]]:
     )
     tasks: dict[str, TaskID] = {}
 
-    def update(name: str, done: int, total: int) -> None:
+    def update(name: str, done: int, total: int, note: str = "") -> None:
         if name not in tasks:
             tasks[name] = bars.add_task(name, total=total, note="")
-        bars.update(tasks[name], completed=done, total=total)
+        bars.update(tasks[name], completed=done, total=total, note=note)
 
     with bars:
         yield update

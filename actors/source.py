@@ -61,7 +61,7 @@ class SourceActor:
         self._bytes: dict[str, int] = {}
 
     def start(self, addresses: Mapping[str, Address], pace: Pace, start_time_s: float) -> None:
-        """Begin to send. addresses: by detector. start_time_s: when the first frame is due (realtime), UTC."""
+        """Begin to send. addresses: by detector. start_time_s: UTC, when the first frame is due."""
         run = self._run_realtime if pace == "realtime" else self._run_max
         threading.Thread(target=self._guard, args=(run, addresses, start_time_s), daemon=True).start()
 

@@ -1,4 +1,4 @@
-"""Every figure of the README, measured here: ``make bench``. Two other seeds are rendered first, minutes each."""
+"""Every figure of the README, measured here: ``make bench``. Two other seeds are rendered first (minutes)."""
 
 from __future__ import annotations
 

@@ -28,9 +28,9 @@ def test_nothing_found_is_worth_nothing():
 
 
 def test_one_of_two_found_and_one_invented():
-    result = accuracy([seen([BOXES[0] + [0, 0, 0, 4], [200, 100, 220, 150]], [0.9, 0.8])])
+    result = accuracy([seen([BOXES[0] + [0, 0, 0, 4], [200, 100, 220, 150]], [0.8, 0.9])])
     assert result.recall == result.precision == 0.5
-    assert result.ap50 == pytest.approx(0.5, abs=0.01)
+    assert result.ap50 == pytest.approx(0.25, abs=0.01)
     assert result.bottom_edge_px == 4.0
 
 
@@ -40,7 +40,12 @@ def test_hidden_people_are_neither_missed_nor_wrongly_found():
         assert (result.people, result.recall, result.precision, result.ap50) == (1, 1.0, 1.0, 1.0)
 
 
-def test_scores_below_the_operating_point_count_for_ap_alone():
-    result = accuracy([seen(BOXES, [0.9, 0.2])])
-    assert result.ap50 == 1.0
-    assert result.recall == 0.5
+def test_the_operating_point_leaves_out_what_costs_more_than_it_finds():
+    wrong = [[200 + 10 * i, 100, 220 + 10 * i, 150] for i in range(5)]
+    result = accuracy([seen([BOXES[0], *wrong, BOXES[1]], [0.9, 0.5, 0.5, 0.5, 0.5, 0.5, 0.2])])
+    assert (result.score, result.recall, result.precision) == (0.9, 0.5, 1.0)
+
+
+def test_a_person_is_found_once():
+    result = accuracy([seen([BOXES[0], BOXES[0], BOXES[1]], [0.9, 0.8, 0.7])])
+    assert (result.recall, result.precision) == (1.0, pytest.approx(2 / 3))

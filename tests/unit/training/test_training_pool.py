@@ -17,7 +17,7 @@ from pipeline.training.timing import Timing, time_detector
 @pytest.fixture
 def pool(tmp_path):
     models = {"nano": tmp_path / "detectors" / "nano.onnx"}
-    measured = {"nano": Measured({250e3: 0.5, 1e6: 0.75}, Timing(0.005, 0.004, 0.0061), 40_000_000)}
+    measured = {"nano": Measured({250e3: 0.5, 1e6: 0.75}, 0.47, Timing(0.005, 0.004, 0.0061), 40_000_000)}
     path = tmp_path / "pools" / "demo.yaml"
     path.parent.mkdir()
     path.write_text(yaml.safe_dump(pool_of(models, measured, path.parent), sort_keys=False))
@@ -28,8 +28,10 @@ def test_the_pool_holds_what_was_measured(pool):
     (detector,) = pool.detectors
     assert [(point.bitrate, point.accuracy) for point in detector.accuracy] == [(250e3, 0.5), (1e6, 0.75)]
     assert detector.memory == 50e6
+    assert detector.score_threshold == pytest.approx(0.35)
     workstation = detector.times[0]
-    assert (workstation.machine, workstation.mean, workstation.maximum) == ("workstation", 0.005, 0.0061)
+    assert workstation.machine == "workstation"
+    assert (workstation.mean, workstation.maximum) == pytest.approx((0.005, 0.0061))
 
 
 def test_what_was_not_measured_is_said_to_be_assumed(pool):

@@ -36,7 +36,10 @@ def test_training_views_stay_within_their_ranges_and_above_everything(scene):
 
 def test_most_views_have_a_person_in_the_picture(scene):
     feet = np.array(
-        [[p.east_m, p.north_m, scene.ground.height([p.east_m], [p.north_m])[0]] for p in scene.people]
+        [
+            [p.east_m, p.north_m, scene.ground.height(np.array([p.east_m]), np.array([p.north_m]))[0]]
+            for p in scene.people
+        ]
     )
     seen = 0
     for seed in range(30):
