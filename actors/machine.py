@@ -5,13 +5,13 @@ from __future__ import annotations
 import queue
 import threading
 import time
-import traceback
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 from pipeline.allocation.plan import Assignment
 from pipeline.config.mission import Codec
 from pipeline.detection import load_detector
+from pipeline.errors import SearchlightError, failure
 from pipeline.link.channel import LinkSender, Receiver
 from pipeline.messages import EndOfStream, Message, Packet
 from pipeline.stages.detector import DetectorStage
@@ -32,7 +32,7 @@ class MachineStatus:
     machine: str
     waiting: dict[tuple[str, str], int]
     rejected: int
-    error: str | None
+    error: SearchlightError | None
 
 
 class MachineActor:
@@ -41,7 +41,7 @@ class MachineActor:
     def __init__(self, machine: str, host: str, token: bytes, codec: Codec) -> None:
         self._machine, self._host, self._token, self._codec = machine, host, token, codec
         self._queues: dict[tuple[str, str], queue.Queue[tuple[int, Message]]] = {}
-        self._error: str | None = None
+        self._error: SearchlightError | None = None
         self._receiver: Receiver | None = None
         self._results = LinkSender(unlimited(), capacity_bytes=16 * 1024 * 1024)
 
@@ -83,5 +83,5 @@ class MachineActor:
                 self._results.send(_RESULTS, result)
                 if isinstance(message, EndOfStream):
                     return
-        except Exception:
-            self._error = traceback.format_exc()
+        except Exception as error:
+            self._error = failure(error)

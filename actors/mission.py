@@ -16,7 +16,7 @@ from actors.scheduler import SchedulerActor
 from actors.site import placement
 from actors.source import Pace, SourceActor
 from pipeline.allocation.plan import Plan
-from pipeline.errors import SearchlightError
+from pipeline.errors import RunFailedError, SearchlightError
 from pipeline.local import bandwidth
 from pipeline.preflight import PreparedMission
 from pipeline.stages.reducer import ReducerStage
@@ -36,12 +36,6 @@ class RunOptions:
     address: str | None = None
     metrics_port: int | None = None
     metrics_host: str = "127.0.0.1"
-
-
-class RunFailedError(SearchlightError):
-    """An actor failed; the message carries what it said."""
-
-    exit_code = 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,7 +147,7 @@ class _Wiring:
         reducer = _get(self._reducer.status.remote())
         for status in [*sources, *machines, reducer]:
             if status.error is not None:
-                raise RunFailedError(f"{type(status).__name__}: {status.error}")
+                raise status.error
         return replace(last, sources={s.stream: s for s in sources}, reducer=reducer)
 
     @staticmethod

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import threading
-import traceback
 from collections import Counter
 from dataclasses import dataclass
 
 from pipeline.allocation.plan import Plan
+from pipeline.errors import SearchlightError, failure
 from pipeline.link.channel import Receiver
 from pipeline.local import make_reducer
 from pipeline.messages import Message
@@ -34,7 +34,7 @@ class ReducerStatus:
     not_taken: dict[str, int]
     hops: dict[tuple[str, str], dict[str, HopHistogram]]
     rejected: int
-    error: str | None
+    error: SearchlightError | None
 
 
 class ReducerActor:
@@ -45,7 +45,7 @@ class ReducerActor:
     ) -> None:
         self._stage = make_reducer(prepared, plan, lateness=realtime)
         self._lock = threading.Lock()
-        self._error: str | None = None
+        self._error: SearchlightError | None = None
         self._receiver = Receiver(host, self._receive, token=token)
 
     def address(self) -> Address:
@@ -81,6 +81,6 @@ class ReducerActor:
         try:
             with self._lock:
                 self._stage.push(message)
-        except Exception:
-            self._error = traceback.format_exc()
+        except Exception as error:
+            self._error = failure(error)
             raise

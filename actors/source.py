@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import threading
 import time
-import traceback
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
 from pipeline.allocation.plan import Assignment
+from pipeline.errors import SearchlightError, failure
 from pipeline.link.channel import LinkSender
 from pipeline.local import MAX_BACKLOG_S
 from pipeline.messages import Message
@@ -37,7 +37,7 @@ class SourceStatus:
     sampled: int
     frames_dropped: dict[str, int]
     bytes_sent: dict[str, int]
-    error: str | None
+    error: SearchlightError | None
 
 
 class SourceActor:
@@ -56,7 +56,7 @@ class SourceActor:
         self._token = token
         self._frames_done = 0
         self._finished = False
-        self._error: str | None = None
+        self._error: SearchlightError | None = None
         self._stage: SourceStage | None = None
         self._bytes: dict[str, int] = {}
 
@@ -88,8 +88,8 @@ class SourceActor:
             run(addresses, start_time_s)
             self._frames_done = self._stream.video.frames
             self._finished = True
-        except Exception:
-            self._error = traceback.format_exc()
+        except Exception as error:
+            self._error = failure(error)
 
     def _run_realtime(self, addresses: Mapping[str, Address], start_time_s: float) -> None:
         link = RadioLink(self._bandwidth, QUEUE_BYTES, self._token)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import traceback
+
 
 class SearchlightError(Exception):
     """Root of every error that the command line prints as one line with exit code 2."""
@@ -33,3 +35,16 @@ class NoPlanError(SearchlightError):
 
 class ProtocolError(SearchlightError):
     """Bytes from the wire that are not a message of ours; the connection is closed."""
+
+
+class RunFailedError(SearchlightError):
+    """Something broke that the user did not cause; the message carries where."""
+
+    exit_code = 1
+
+
+def failure(error: Exception) -> SearchlightError:
+    """An error as it travels from an actor: ours as it is, any other with its traceback as text."""
+    if isinstance(error, SearchlightError):
+        return error
+    return RunFailedError("".join(traceback.format_exception(error)))

@@ -31,8 +31,9 @@ class Seen:
 
 @dataclass(frozen=True, slots=True)
 class Accuracy:
-    """ap: COCO's AP .5:.95. score: the threshold with the greatest F1 at IoU 0.5, and there: recall, precision,
-    bottom_edge_px, the mean error of the found boxes' bottom edges.
+    """ap: COCO's AP .5:.95. score: the threshold with the greatest F1 at IoU 0.5.
+
+    recall, precision, bottom_edge_px (mean error of the found boxes' bottom edges): at that score.
     """
 
     pictures: int
@@ -64,8 +65,8 @@ def accuracy(seen: list[Seen]) -> Accuracy:
     """The accuracy over all pictures."""
     ap, ap50, ap75 = _average_precision(seen)
     people = sum(int((s.visible >= VISIBLE_MIN).sum()) for s in seen)
-    scores, right, edges = (np.concatenate(parts) for parts in zip(*map(_judge, seen), strict=True))
-    score, recall, precision = _best_threshold(scores, right, people)
+    scores, right, edges = _judged(seen)
+    score, recall, precision = _operating_point(scores, right, people)
     return Accuracy(
         pictures=len(seen),
         people=people,
@@ -79,8 +80,19 @@ def accuracy(seen: list[Seen]) -> Accuracy:
     )
 
 
+def best_threshold(seen: list[Seen]) -> float:
+    """The score with the greatest F1 over all pictures, at IoU 0.5; NaN if nobody was found."""
+    return accuracy(seen).score
+
+
+def _judged(seen: list[Seen]) -> tuple[FloatArray, NDArray[np.bool_], FloatArray]:
+    """_judge of all pictures, one after the other."""
+    scores, right, edges = zip(*map(_judge, seen), strict=True)
+    return np.concatenate(scores), np.concatenate(right), np.concatenate(edges)
+
+
 def _judge(seen: Seen) -> tuple[FloatArray, NDArray[np.bool_], FloatArray]:
-    """Of the found boxes that count: scores, which are right, and the errors of the bottom edges, NaN if wrong.
+    """Of the found boxes that count: scores, which are right, and the bottom edges' errors (NaN if wrong).
 
     By falling score each box takes the free person that it overlaps most, at IoU 0.5 or more.
     """
@@ -98,7 +110,7 @@ def _judge(seen: Seen) -> tuple[FloatArray, NDArray[np.bool_], FloatArray]:
     return seen.scores[counts], person[counts] >= 0, edges[counts]
 
 
-def _best_threshold(scores: FloatArray, right: NDArray[np.bool_], people: int) -> tuple[float, float, float]:
+def _operating_point(scores: FloatArray, right: NDArray[np.bool_], people: int) -> tuple[float, float, float]:
     """The score with the greatest F1, and recall and precision at it."""
     if not right.any():
         return float("nan"), 0.0, float("nan")

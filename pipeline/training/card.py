@@ -61,7 +61,7 @@ def _rules() -> dict[str, str]:
     return {
         "scenes": "15 m above ground, 45 degrees down; scenes and body models that training never saw",
         "counted": f"people at least {VISIBLE_MIN:.0%} visible; AP by COCO's rules",
-        "operating_point": "recall, precision, bottom_edge_px (of 1024x576) at the score of greatest F1, IoU 0.5",
+        "operating_point": "recall, precision, bottom_edge_px (1024x576): greatest F1, IoU 0.5",
         "degraded_by": "H.264 at 0.2 to 6 Mbps and 10 Hz, last picture of a short pan",
     }
 

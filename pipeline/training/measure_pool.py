@@ -100,7 +100,6 @@ def pool_of(models: dict[str, Path], measured: dict[str, Measured], folder: Path
             "workstation": f"one thread of {_processor()}, processor time from pixels to boxes; "
             f"maximum: of 99 % of {_TIMED} runs",
             "score_threshold": "where F1 is greatest, over all bitrates",
-            "score_threshold": "greatest F1 at IoU 0.5, the median over the bitrates",
             "memory": f"growth of a fresh process, times {_MEMORY_MARGIN:g}",
             "date": str(datetime.date.today()),
             "command": "searchlight measure-pool",
@@ -120,8 +119,8 @@ def _detector(name: str, model: Path, measured: Measured, folder: Path) -> dict[
         "memory": {"megabytes": int(np.ceil(measured.memory_bytes * _MEMORY_MARGIN / 1e6))},
         "score_threshold": measured.score_threshold,
         "accuracy": [
-            {"bitrate": {"kbps": bitrate / 1e3}, "accuracy": round(result.ap50, 3)}
-            for bitrate, result in measured.accuracy.items()
+            {"bitrate": {"kbps": bitrate / 1e3}, "accuracy": round(ap50, 3)}
+            for bitrate, ap50 in measured.ap50.items()
         ],
         "times": [
             _time("workstation", measured.timing, 1.0),

@@ -28,7 +28,7 @@ def test_the_pool_holds_what_was_measured(pool):
     (detector,) = pool.detectors
     assert [(point.bitrate, point.accuracy) for point in detector.accuracy] == [(250e3, 0.5), (1e6, 0.75)]
     assert detector.memory == 50e6
-    assert detector.score_threshold == pytest.approx(0.35)
+    assert detector.score_threshold == 0.47
     workstation = detector.times[0]
     assert workstation.machine == "workstation"
     assert (workstation.mean, workstation.maximum) == pytest.approx((0.005, 0.0061))
