@@ -30,13 +30,16 @@ class Data(Strict):
 
 
 class Optimisation(Strict):
-    """AdamW with a warm-up and a cosine; the mean of the weights (EMA) is what is exported.
+    """AdamW with a warm-up and cosines; the mean of the weights (EMA) is what is exported.
 
+    cycles: the steps are split into so many cosines, each from half the rate of the one before (SGDR,
+    arXiv:1608.03983); the network is at its best at the end of each.
     save_every: steps between checkpoints.
     """
 
     seed: int
     steps: int = Field(ge=1)
+    cycles: int = Field(ge=1)
     batch: int = Field(ge=1)
     learning_rate: float = Field(gt=0.0)
     weight_decay: float = Field(ge=0.0)

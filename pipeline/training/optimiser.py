@@ -60,7 +60,7 @@ class Optimiser:
         """One step on one batch: the losses of the heat and of the boxes before it."""
         images, targets = _batch(pictures, self.training, self.step)
         for group in self._adam.param_groups:
-            group["lr"] = _learning_rate(self.step, self.training.optimisation)
+            group["lr"] = learning_rate(self.step, self.training.optimisation)
         self._network.train()
         logits, distances = self._network(images)
         heat, box = heat_loss(logits, targets), box_loss(boxes_of(distances), targets)
@@ -125,9 +125,13 @@ def _batch(pictures: PictureSet, training: Training, step: int) -> tuple[Tensor,
     return images.to(torch.float32) / 255.0, targets
 
 
-def _learning_rate(step: int, chosen: Optimisation) -> float:
-    """Linear warm-up, then a cosine down to a hundredth."""
-    if step < chosen.warmup_steps:
-        return chosen.learning_rate * (step + 1) / chosen.warmup_steps
-    share = (step - chosen.warmup_steps) / max(chosen.steps - chosen.warmup_steps, 1)
-    return chosen.learning_rate * (0.01 + 0.99 * 0.5 * (1.0 + math.cos(math.pi * share)))
+def learning_rate(step: int, chosen: Optimisation) -> float:
+    """Linear warm-up, then per cycle a cosine down to a hundredth of its own rate."""
+    length = math.ceil(chosen.steps / chosen.cycles)
+    cycle, within = divmod(step, length)
+    warmup = chosen.warmup_steps if cycle == 0 else 0
+    rate = chosen.learning_rate * 0.5**cycle
+    if within < warmup:
+        return rate * (within + 1) / warmup
+    share = (within - warmup) / max(length - warmup, 1)
+    return rate * (0.01 + 0.99 * 0.5 * (1.0 + math.cos(math.pi * share)))

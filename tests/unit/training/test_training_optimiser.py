@@ -11,7 +11,7 @@ torch = pytest.importorskip("torch", reason="the extra [train] is not installed"
 
 from pipeline.errors import InputError  # noqa: E402
 from pipeline.training.config import load_training  # noqa: E402
-from pipeline.training.optimiser import Optimiser  # noqa: E402
+from pipeline.training.optimiser import Optimiser, learning_rate  # noqa: E402
 from pipeline.training.pictures import PictureSet  # noqa: E402
 
 CONFIGS = Path(__file__).parents[3] / "configs" / "detectors"
@@ -45,6 +45,16 @@ def toy():
             ),
         }
     )
+
+
+def test_each_cycle_ends_low_and_starts_at_half_the_rate_of_the_one_before(toy):
+    chosen = toy.optimisation.model_copy(update={"steps": 40, "cycles": 2, "warmup_steps": 5})
+    rates = [learning_rate(step, chosen) for step in range(40)]
+    peak = chosen.learning_rate
+    np.testing.assert_allclose([rates[0], rates[5], rates[20]], [peak / 5, peak, peak / 2])
+    assert max(rates[19], rates[39]) < 0.03 * peak
+    assert (np.diff(rates[5:20]) < 0).all()
+    assert (np.diff(rates[20:]) < 0).all()
 
 
 def silent(*_):
