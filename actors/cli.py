@@ -38,7 +38,7 @@ def simulate(
 
     with _progress("frames") as progress:
         mission = write_mission(scenario, out, progress=progress)
-    console.print(f"wrote {mission}")
+    _say(f"wrote {mission}")
 
 
 @app.command()
@@ -48,7 +48,7 @@ def check(mission: Annotated[Path, typer.Argument(help="The mission file (YAML).
 
     prepared = prepare(mission, thorough=True)
     result = plan(prepared)
-    console.print(
+    _say(
         f"{mission}: usable; {len(prepared.streams)} streams, {len(result.assignments)} substreams planned "
         f"({result.status}, objective {result.objective:.4g})"
     )
@@ -85,13 +85,13 @@ def run(
             finished = _run_local(prepared, progress)
         else:
             options = RunOptions(pace.value, address, metrics_port, metrics_host)
-            result = run_on_ray(prepared, options, progress, console.print)
+            result = run_on_ray(prepared, options, progress, _say)
             finished = FinishedRun(
                 result.plan, result.reducer, result.counts, result.bytes_sent, result.seconds, pace.value
             )
     summary = publish(prepared, finished, out)
     _print_people(summary)
-    console.print(
+    _say(
         f"{summary.video_seconds:.1f} s of video in {summary.seconds:.1f} s; see {out / 'report.html'}"
     )
 
@@ -134,12 +134,12 @@ def main() -> None:
     try:
         app()
     except SearchlightError as error:
-        console.print(f"[bold red]error:[/] {_escape(str(error))}", soft_wrap=True, highlight=False)
+        _say(f"error: {error}")
         sys.exit(error.exit_code)
 
 
-def _escape(text: str) -> str:
-    return text.replace("[", r"\[")
+def _say(line: str) -> None:
+    console.print(line, soft_wrap=True, highlight=False, markup=False)
 
 
 def _run_local(prepared, progress):  # type: ignore[no-untyped-def]
