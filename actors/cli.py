@@ -91,9 +91,7 @@ def run(
             )
     summary = publish(prepared, finished, out)
     _print_people(summary)
-    _say(
-        f"{summary.video_seconds:.1f} s of video in {summary.seconds:.1f} s; see {out / 'report.html'}"
-    )
+    _say(f"{summary.video_seconds:.1f} s of video in {summary.seconds:.1f} s; see {out / 'report.html'}")
 
 
 @app.command()

@@ -11,8 +11,8 @@ def test_an_error_of_ours_travels_as_it_is() -> None:
 
 def test_any_other_error_says_where_it_happened() -> None:
     try:
-        _ = [][1]  # type: ignore[misc]
-    except IndexError as caught:
+        int("seven")
+    except ValueError as caught:
         error = pickle.loads(pickle.dumps(failure(caught)))
     assert isinstance(error, RunFailedError)
     assert error.exit_code == 1
