@@ -7,10 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pipeline.config.pool import load_pool
 from pipeline.detection import load_detector
 from pipeline.detection.nms import iou
 
-DETECTORS = Path(__file__).parents[3] / "configs" / "detectors"
+CONFIGS = Path(__file__).parents[3] / "configs"
+POOL = {detector.id: detector for detector in load_pool(CONFIGS / "pools" / "demo.yaml").detectors}
 
 
 @pytest.fixture(scope="module")
@@ -22,7 +24,7 @@ def pictures():
 
 @pytest.mark.parametrize(("name", "share"), [("nano", 0.6), ("small", 0.75)])
 def test_a_shipped_detector_finds_people_in_rendered_pictures(pictures, name, share):
-    detector = load_detector(DETECTORS / f"{name}.onnx", score_threshold=0.3)
+    detector = load_detector(POOL[name].model, score_threshold=POOL[name].score_threshold)
     found = seen = wrong = 0
     for picture in pictures:
         boxes, _, _ = detector.detect(picture.image)
@@ -36,7 +38,7 @@ def test_a_shipped_detector_finds_people_in_rendered_pictures(pictures, name, sh
 
 
 def test_a_shipped_detector_takes_pictures_of_any_size():
-    detector = load_detector(DETECTORS / "nano.onnx", score_threshold=0.0)
+    detector = load_detector(POOL["nano"].model, score_threshold=0.0)
     for height, width in [(480, 640), (1080, 1920), (333, 77)]:
         boxes, _, _ = detector.detect(np.zeros((height, width, 3), np.uint8))
         assert boxes.min() >= 0.0

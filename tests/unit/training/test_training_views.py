@@ -48,6 +48,7 @@ def test_most_views_have_a_person_in_the_picture(scene):
     assert seen >= 20
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_picture():
     first, second = (next(pictures_of_scene(940001, "mission", 1, MISSION_VIEWS)) for _ in range(2))
     np.testing.assert_array_equal(first.image, second.image)
