@@ -8,6 +8,8 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
 from pipeline.allocation.plan import Assignment
 from pipeline.config.mission import Codec
 from pipeline.detection import load_detector
@@ -56,7 +58,10 @@ class MachineActor:
         self._results.connect(_RESULTS, reducer, self._token)
         for a in assignments:
             path, threshold = models[a.pool_detector]
-            stage = DetectorStage(load_detector(path, score_threshold=threshold), self._codec)
+            detector = load_detector(path, score_threshold=threshold)
+            # the first picture takes longer than all others: not while the drone flies
+            detector.detect(np.zeros((576, 1024, 3), dtype=np.uint8))
+            stage = DetectorStage(detector, self._codec)
             waiting: queue.Queue[tuple[int, Message]] = queue.Queue(QUEUE_PACKETS)
             self._queues[a.stream, a.detector] = waiting
             threading.Thread(target=self._work, args=(stage, waiting, realtime), daemon=True).start()

@@ -6,4 +6,5 @@ sites="${SEARCHLIGHT_SITES:-$(cat /etc/searchlight/site)}"
 resources=""
 for site in $sites; do resources="$resources${resources:+, }\"site:$site\": 1"; done
 export RAY_AUTH_MODE="${RAY_AUTH_MODE:-token}" RAY_USAGE_STATS_ENABLED=0
-exec "$here/.venv/bin/ray" start --resources="{$resources}" --include-dashboard=false "$@"
+case " $* " in *" --head "*) set -- --include-dashboard=false "$@" ;; esac
+exec "$here/.venv/bin/ray" start --resources="{$resources}" "$@"

@@ -64,13 +64,7 @@ def not_a_model(folder: Path) -> None:
 
 
 def another_model(folder: Path) -> None:
-    onnx = pytest.importorskip("onnx", reason="the extra [train] is not installed")
-    helper = onnx.helper
-    value = helper.make_tensor_value_info("x", onnx.TensorProto.FLOAT, [1, 7])
-    out = helper.make_tensor_value_info("y", onnx.TensorProto.FLOAT, [1, 7])
-    graph = helper.make_graph([helper.make_node("Identity", ["x"], ["y"])], "g", [value], [out])
-    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
-    onnx.save(model, folder / "other.onnx")
+    shutil.copy(ROOT / "tests/data/identity.onnx", folder / "other.onnx")
     _use_model(folder, folder / "other.onnx")
 
 
@@ -97,6 +91,15 @@ BAD = {
     "detector that is not ONNX": (not_a_model, "nano.onnx"),
     "detector of an unknown layout": (another_model, "other.onnx"),
     "missing detector": (lambda f: _use_model(f, f / "absent.onnx"), "absent.onnx"),
+    "pool that names only machines that are not there": (
+        lambda f: (f / "pool.yaml").write_text(
+            (f / "pool.yaml")
+            .read_text()
+            .replace("workstation", "mainframe")
+            .replace("onboard", "mainframe-2")
+        ),
+        "mainframe",
+    ),
     "machine type without times": (
         replace("inventory.yaml", "type: workstation", "type: mainframe"),
         "mainframe",

@@ -5,13 +5,11 @@ from __future__ import annotations
 import json
 import os
 import shutil
-import socket
 import subprocess
 import sys
-import time
 import urllib.parse
-import urllib.request
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -23,8 +21,10 @@ PROMETHEUS = shutil.which("prometheus") or ROOT / ".venv/tools/usr/bin/prometheu
 pytestmark = [pytest.mark.ray, pytest.mark.timeout(240)]
 
 
-def searchlight(*arguments: object, env: dict[str, str] | None = None) -> subprocess.CompletedProcess[str]:
-    command = [*SEARCHLIGHT, *map(str, arguments)]
+def searchlight(
+    *arguments: object, env: dict[str, str] | None = None, within: Sequence[str] = ()
+) -> subprocess.CompletedProcess[str]:
+    command = [*within, *SEARCHLIGHT, *map(str, arguments)]
     return subprocess.run(
         command, cwd=ROOT, env=env, capture_output=True, text=True, timeout=200, check=False
     )
@@ -65,125 +65,151 @@ def test_a_local_run_leaves_no_ray_process_and_no_folder_behind(ray_run: Path) -
     assert not list(Path("/tmp").glob("searchlight-*/session_latest"))
 
 
-@pytest.fixture
-def second_node_cluster(tmp_path: Path) -> Iterator[tuple[str, dict[str, str]]]:
+LOOPBACK_UP = (
+    "import fcntl, socket, struct, time\n"
+    "fcntl.ioctl(socket.socket(), 0x8914, struct.pack('16sh', b'lo', 0x41))\n"  # SIOCSIFFLAGS, up and running
+    "print('up', flush=True)\n"
+    "time.sleep(900)\n"
+)
+
+
+@dataclass(frozen=True)
+class Island:
+    """within: the prefix of a command that runs there."""
+
+    within: tuple[str, ...]
+    address: str
+    env: dict[str, str]
+
+    def start(self, log: Path, *command: object, **extra: str) -> subprocess.Popen[bytes]:
+        with log.open("wb") as out:
+            words = [*self.within, *map(str, command)]
+            return subprocess.Popen(words, env=self.env | extra, stdout=out, stderr=out)
+
+    def python(self, code: str) -> str:
+        words = [*self.within, sys.executable, "-c", code]
+        done = subprocess.run(words, env=self.env, capture_output=True, text=True, timeout=100, check=False)
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+
+@pytest.fixture(scope="module")
+def network() -> Iterator[tuple[str, ...]]:
+    """A network with nothing but loopback, since a cluster of several nodes listens on every interface."""
+    if os.geteuid() != 0 or not (shutil.which("unshare") and shutil.which("nsenter")):
+        pytest.skip("only root can make a network namespace, with unshare and nsenter of util-linux")
+    holder = subprocess.Popen(
+        ["unshare", "--net", sys.executable, "-c", LOOPBACK_UP], stdout=subprocess.PIPE, text=True
+    )
+    try:
+        assert holder.stdout is not None
+        if holder.stdout.readline() != "up\n":
+            pytest.skip("this machine does not let us make a network namespace")
+        yield ("nsenter", f"--target={holder.pid}", "--net")
+    finally:
+        holder.kill()
+        holder.wait()
+
+
+@pytest.fixture(scope="module")
+def island(network: tuple[str, ...], tmp_path_factory: pytest.TempPathFactory) -> Iterator[Island]:
     """A head that plays the drones and a second node that plays the ground, by deployments/ray-node.sh."""
-    port = _free_port()
     env = os.environ | {
-        "RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0",
         "RAY_AUTH_MODE": "token",
         "RAY_AUTH_TOKEN": "ab" * 32,
         "RAY_USAGE_STATS_ENABLED": "0",
         "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",
     }
-    folder = Path("/tmp") / f"sl-{os.getpid()}"
+    place = Island(network, "127.0.0.2:6379", env)
+    logs, folder = tmp_path_factory.mktemp("nodes"), Path("/tmp") / f"sl-{os.getpid()}"
     folder.mkdir()
-    node = [ROOT / "deployments/ray-node.sh", "--node-ip-address=127.0.0.1", "--num-cpus=1", "--block"]
-    head = [*node, "--head", f"--port={port}", f"--temp-dir={folder}", "--object-store-memory=100000000"]
-    worker = [*node, f"--address=127.0.0.1:{port}", "--object-store-memory=100000000"]
+    # Ray replaces 127.0.0.1 by the machine's outside address, but leaves the rest of the loopback range alone
+    node = (ROOT / "deployments/ray-node.sh", "--num-cpus=1", "--block", "--object-store-memory=100000000")
+    head = (*node, "--head", "--node-ip-address=127.0.0.2", "--port=6379", f"--temp-dir={folder}")
+    worker = (*node, "--node-ip-address=127.0.0.3", f"--address={place.address}")
     processes = []
     try:
-        with open(tmp_path / "head.log", "wb") as log:
-            processes.append(
-                subprocess.Popen(
-                    head, env=env | {"SEARCHLIGHT_SITES": "drone-1 drone-2"}, stdout=log, stderr=log
-                )
-            )
-        _wait_for_port(port)
-        with open(tmp_path / "worker.log", "wb") as log:
-            processes.append(
-                subprocess.Popen(worker, env=env | {"SEARCHLIGHT_SITES": "ground"}, stdout=log, stderr=log)
-            )
-        yield f"127.0.0.1:{port}", env
+        processes.append(place.start(logs / "head.log", *head, SEARCHLIGHT_SITES="drone-1 drone-2"))
+        place.python(WAIT_FOR_PORT.format(host="127.0.0.2", port=6379))
+        processes.append(place.start(logs / "worker.log", *worker, SEARCHLIGHT_SITES="ground"))
+        place.python(WAIT_FOR_SITE.format(address=place.address, site="ground"))
+        yield place
     finally:
         for process in reversed(processes):
             process.terminate()
-            process.wait(30)
+            process.wait(60)
         shutil.rmtree(folder, ignore_errors=True)
 
 
 def test_a_second_ray_node_takes_a_site_and_prometheus_scrapes_the_run(
-    small_mission: Path, second_node_cluster: tuple[str, dict[str, str]], ray_run: Path, tmp_path: Path
+    small_mission: Path, island: Island, tmp_path: Path
 ) -> None:
     if not Path(PROMETHEUS).is_file():
         pytest.skip("no prometheus on this machine (Debian: apt install prometheus)")
-    address, env = second_node_cluster
-    _wait_for_site(address, "ground", env)
-    web = _free_port()
-    prometheus = subprocess.Popen(
-        [
-            PROMETHEUS,
-            f"--config.file={ROOT / 'deployments/prometheus/prometheus.yml'}",
-            f"--web.listen-address=127.0.0.1:{web}",
-            f"--storage.tsdb.path={tmp_path / 'tsdb'}",
-            "--log.level=error",
-        ]
+    prometheus = island.start(
+        tmp_path / "prometheus.log",
+        PROMETHEUS,
+        f"--config.file={ROOT / 'deployments/prometheus/prometheus.yml'}",
+        "--web.listen-address=127.0.0.1:9090",
+        f"--storage.tsdb.path={tmp_path / 'tsdb'}",
     )
     try:
-        _wait_for_port(web)
+        island.python(WAIT_FOR_PORT.format(host="127.0.0.1", port=9090))
         out = tmp_path / "run"
-        arguments = ("--address", address, "--pace", "realtime", "--metrics-port", 9400)
-        result = searchlight("run", small_mission, "--out", out, *arguments, env=env)
+        arguments = ("--address", island.address, "--pace", "realtime", "--metrics-port", 9400)
+        result = searchlight(
+            "run", small_mission, "--out", out, *arguments, env=island.env, within=island.within
+        )
         assert result.returncode == 0, result.stderr
-        captured = _query(web, "max_over_time(searchlight_frames_captured_total[10m])")
+        captured = _query(island, "max_over_time(searchlight_frames_captured_total[10m])")
         assert {r["metric"]["stream"] for r in captured} == {"drone-1", "drone-2"}
-        assert _query(web, "max_over_time(searchlight_plan_objective[10m])")
-        processed = _query(web, 'max_over_time(searchlight_frames_total{outcome="processed"}[10m])')
+        assert _query(island, "max_over_time(searchlight_plan_objective[10m])")
+        processed = _query(island, 'max_over_time(searchlight_frames_total{outcome="processed"}[10m])')
         assert all(float(r["value"][1]) > 0 for r in processed)
-        assert _query(web, "max_over_time(searchlight_link_bytes_total[10m])")
-        assert _query(web, "max_over_time(searchlight_hop_seconds_count[10m])")
+        assert _query(island, "max_over_time(searchlight_link_bytes_total[10m])")
+        assert _query(island, "max_over_time(searchlight_hop_seconds_count[10m])")
     finally:
         prometheus.terminate()
         prometheus.wait(30)
     summary = json.loads((out / "summary.json").read_text())
-    assert {s["site"] for s in summary["substreams"]} >= {"ground"}
+    assert "ground" in {s["site"] for s in summary["substreams"]}
 
 
 def test_a_cluster_without_the_site_is_one_clear_line(
-    small_mission: Path, second_node_cluster: tuple[str, dict[str, str]], tmp_path: Path
+    small_mission: Path, island: Island, tmp_path: Path
 ) -> None:
-    address, env = second_node_cluster
-    _wait_for_site(address, "ground", env)
     inventory = small_mission.parent / "other-inventory.yaml"
     text = (small_mission.parent / "inventory.yaml").read_text()
     inventory.write_text(text.replace("ground", "base"))
     mission = small_mission.parent / "other.yaml"
     mission.write_text(small_mission.read_text().replace("inventory.yaml", "other-inventory.yaml"))
-    result = searchlight("run", mission, "--out", tmp_path / "run", "--address", address, env=env)
+    arguments = ("--out", tmp_path / "run", "--address", island.address)
+    result = searchlight("run", mission, *arguments, env=island.env, within=island.within)
     assert result.returncode == 2
     assert "site:base" in result.stderr
     assert "Traceback" not in result.stderr
     assert not (tmp_path / "run").exists()
 
 
-def _free_port() -> int:
-    with socket.socket() as s:
-        s.bind(("127.0.0.1", 0))
-        return int(s.getsockname()[1])
+WAIT_FOR_PORT = """
+import socket, time
+end = time.monotonic() + 60
+while socket.socket().connect_ex(("{host}", {port})) != 0:
+    assert time.monotonic() < end, "nobody listens"
+    time.sleep(0.2)
+"""
+
+WAIT_FOR_SITE = """
+import ray, time
+ray.init(address="{address}", log_to_driver=False, logging_level="error")
+end = time.monotonic() + 60
+while "site:{site}" not in ray.cluster_resources():
+    assert time.monotonic() < end, "the site does not come"
+    time.sleep(0.5)
+"""
 
 
-def _wait_for_port(port: int, patience_s: float = 60.0) -> None:
-    end = time.monotonic() + patience_s
-    while time.monotonic() < end:
-        with socket.socket() as s:
-            if s.connect_ex(("127.0.0.1", port)) == 0:
-                return
-        time.sleep(0.2)
-    raise TimeoutError(f"nobody listens on port {port}")
-
-
-def _wait_for_site(address: str, site: str, env: dict[str, str], patience_s: float = 60.0) -> None:
-    code = (
-        "import ray, sys, time\n"
-        f"ray.init(address={address!r}, log_to_driver=False, logging_level='error')\n"
-        f"end = time.monotonic() + {patience_s}\n"
-        f"while 'site:{site}' not in ray.cluster_resources():\n"
-        "    time.sleep(0.5); assert time.monotonic() < end\n"
-    )
-    subprocess.run([sys.executable, "-c", code], env=env, check=True, timeout=patience_s + 60)
-
-
-def _query(port: int, expression: str) -> list[dict]:  # type: ignore[type-arg]
-    url = f"http://127.0.0.1:{port}/api/v1/query?" + urllib.parse.urlencode({"query": expression})
-    with urllib.request.urlopen(url, timeout=10) as answer:
-        return json.load(answer)["data"]["result"]  # type: ignore[no-any-return]
+def _query(island: Island, expression: str) -> list[dict]:  # type: ignore[type-arg]
+    url = "http://127.0.0.1:9090/api/v1/query?" + urllib.parse.urlencode({"query": expression})
+    code = f"import urllib.request; print(urllib.request.urlopen({url!r}, timeout=10).read().decode())"
+    return json.loads(island.python(code))["data"]["result"]  # type: ignore[no-any-return]
