@@ -126,6 +126,11 @@ def check(
     return int(stop.value.code or 0), capsys.readouterr().err
 
 
+def run_locally(mission: Path, out: Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "actors.cli", "run", str(mission), "--out", str(out), "--local"]
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+
+
 def test_a_good_mission_passes_the_check(
     mission: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -162,17 +167,7 @@ def test_a_mission_that_no_allocation_satisfies_names_the_limits_that_clash(
 
 def test_a_bad_mission_leaves_no_run_directory(mission: Path, tmp_path: Path) -> None:
     truncate_video(mission.parent)
-    command = [
-        sys.executable,
-        "-m",
-        "actors.cli",
-        "run",
-        str(mission),
-        "--out",
-        str(tmp_path / "run"),
-        "--local",
-    ]
-    result = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    result = run_locally(mission, tmp_path / "run")
     assert result.returncode == 2
     assert "Traceback" not in result.stderr
     assert not (tmp_path / "run").exists()
@@ -181,16 +176,6 @@ def test_a_bad_mission_leaves_no_run_directory(mission: Path, tmp_path: Path) ->
 def test_a_folder_that_is_not_a_run_directory_is_left_alone(mission: Path, tmp_path: Path) -> None:
     (tmp_path / "home").mkdir()
     (tmp_path / "home" / "letter.txt").write_text("dear")
-    command = [
-        sys.executable,
-        "-m",
-        "actors.cli",
-        "run",
-        str(mission),
-        "--out",
-        str(tmp_path / "home"),
-        "--local",
-    ]
-    result = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    result = run_locally(mission, tmp_path / "home")
     assert result.returncode == 2
     assert [p.name for p in (tmp_path / "home").iterdir()] == ["letter.txt"]
