@@ -63,7 +63,8 @@ def objective(problem: Problem, assignments: tuple[Assignment, ...]) -> float:
     """Eq. objective: acc_obj * w - penalty * (1 - w), linkUsed being 1 for each site a stream is sent to."""
     detectors = {detector.id: detector for detector in problem.detectors}
     gains = (
-        problem.gain(detectors[a.detector], problem.bitrates_bps.index(a.bitrate_bps)) for a in assignments
+        problem.gain(a.stream, detectors[a.detector], problem.bitrates_bps.index(a.bitrate_bps))
+        for a in assignments
     )
     links_used = len({(a.stream, a.site) for a in assignments})
     return sum(gains) * problem.accuracy_weight - links_used * (1.0 - problem.accuracy_weight)
