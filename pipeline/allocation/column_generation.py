@@ -16,7 +16,6 @@ from pipeline.allocation.configuration import Choice, Configuration, configurati
 from pipeline.allocation.linear_master import Goal, LinearMaster, LinearSolution
 from pipeline.allocation.master import Rows
 from pipeline.allocation.pricing import Priced, Pricer, Prices
-from pipeline.allocation.problem import OBJECTIVE_RESOLUTION
 from pipeline.messages import FloatArray
 
 #: an improvement below this is none
@@ -70,8 +69,7 @@ def relax(
     best: Relaxation | None = None
     while True:
         solution = master.solve()
-        floor_worth = goal.value + solution.floor_dual
-        prices = Prices(rows.prices(solution.duals), floor_worth, goal.kept)
+        prices = _prices(rows, goal, solution)
         offers = [pricer.best(c, prices) for c in aggregation.classes]
         bests = tuple(max((o.profit for o in of_class), default=-math.inf) for of_class in offers)
         bound = _bound(aggregation, rows, goal, solution.duals, solution.floor_dual, bests)
@@ -86,6 +84,12 @@ def relax(
             return replace(best, unserved=solution.unserved)
 
 
+def _prices(rows: Rows, goal: Goal, solution: LinearSolution) -> Prices:
+    value = {"value": 1.0, "kept": solution.floor_dual, "nothing": 0.0}[goal.of]
+    kept = {"value": solution.floor_dual, "kept": 1.0, "nothing": 0.0}[goal.of]
+    return Prices(rows.prices(solution.duals), value, kept)
+
+
 def _bound(
     aggregation: Aggregation,
     rows: Rows,
@@ -96,7 +100,7 @@ def _bound(
 ) -> float:
     worth = rows.machines_worth(duals)
     if goal.floor is not None:
-        worth -= floor_dual * goal.floor * OBJECTIVE_RESOLUTION
+        worth -= floor_dual * goal.floor_worth
     for best, stream_class in zip(bests, aggregation.classes, strict=True):
         worth += len(stream_class.streams) * max(best, -goal.unserved)
     return worth

@@ -19,9 +19,12 @@ from pipeline.allocation.covering import phases_of
 from pipeline.allocation.integer_master import IntegerSolution
 from pipeline.allocation.master import Rows
 from pipeline.allocation.packing import Stay, Use, pack_group
-from pipeline.allocation.plan import Assignment, Plan, objective
+from pipeline.allocation.plan import Assignment, Plan, Status, objective
 from pipeline.allocation.problem import OBJECTIVE_RESOLUTION, Problem
 from pipeline.allocation.search import GAP_UNITS, Found, Search
+
+#: a plan this near its bound is optimal: the search's own tolerance, and that of rounding each gain
+GAP_TOLERANCE = 2 * GAP_UNITS * OBJECTIVE_RESOLUTION
 
 
 def solve(
@@ -39,12 +42,11 @@ def solve(
     while True:
         search = Search(aggregate(problem, apart), deadline_s=deadline_s, seed=seed)
         found = search.solve(search.value_goal(), gap_limit)
-        size = (len(search.columns.all) + len(search.rows.supply), _constraints(search))
         if found.solution is None:
-            return Plan(found.status, None, None, None, problem.cycle, (), time.perf_counter() - start, *size)
+            return without_plan(problem, found.status, time.perf_counter() - start, search)
         placed = place(search.aggregation, search.rows, found, deadline_s=deadline_s)
         if not isinstance(placed, Unpacked):
-            return finished(problem, found, placed, time.perf_counter() - start, size)
+            return finished(problem, found, placed, time.perf_counter() - start, search)
         apart |= placed.machines
 
 
@@ -56,17 +58,21 @@ class Unpacked:
 
 
 def finished(
-    problem: Problem, found: Found, assignments: tuple[Assignment, ...], solve_s: float, size: tuple[int, int]
+    problem: Problem, best: Found, assignments: tuple[Assignment, ...], solve_s: float, search: Search
 ) -> Plan:
-    """The plan of a search for the best objective."""
-    assert found.solution is not None
-    assert found.bound is not None
+    """The plan of these assignments; best: the search for the best objective, whose bound it is given."""
+    assert best.solution is not None
+    assert best.bound is not None
     value = objective(problem, assignments)
-    slack = found.bound - found.solution.worth
-    slack = 0 if slack <= GAP_UNITS else slack
-    bound = value + slack * OBJECTIVE_RESOLUTION
-    gap = (bound - value) / max(1.0, abs(value))
-    return Plan(found.status, value, bound, gap, problem.cycle, assignments, solve_s, *size)
+    slack = max(best.bound * OBJECTIVE_RESOLUTION - value, 0.0)
+    slack = 0.0 if slack <= GAP_TOLERANCE else slack
+    gap = slack / max(1.0, abs(value))
+    return Plan(best.status, value, value + slack, gap, problem.cycle, assignments, solve_s, *_size(search))
+
+
+def without_plan(problem: Problem, status: Status, solve_s: float, search: Search) -> Plan:
+    """The answer that there is no plan, or none yet."""
+    return Plan(status, None, None, None, problem.cycle, (), solve_s, *_size(search))
 
 
 def place(
@@ -100,8 +106,10 @@ def kept_of(running: Sequence[Assignment]) -> Kept:
     return frozenset((a.stream, a.detector, a.bitrate_bps) for a in running)
 
 
-def _constraints(search: Search) -> int:
-    return len(search.aggregation.classes) + len(search.rows.limit)
+def _size(search: Search) -> tuple[int, int]:
+    """Variables and constraints of the master problem."""
+    columns = len(search.columns.all) + len(search.rows.supply)
+    return columns, len(search.aggregation.classes) + len(search.rows.limit)
 
 
 def _uses(aggregation: Aggregation, columns: Sequence[Configuration], solution: IntegerSolution) -> list[Use]:

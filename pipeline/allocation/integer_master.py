@@ -42,7 +42,9 @@ class IntegerSolution:
 
 def goal_units(goal: Goal, column: Configuration) -> int:
     """What one stream in a configuration adds, as a whole number: objective units, or kept substreams."""
-    return column.kept * KEPT_UNITS if goal.kept else column.value if goal.value else 0
+    if goal.of == "nothing":
+        return 0
+    return column.value if goal.of == "value" else column.kept * KEPT_UNITS
 
 
 def solve_integer(
@@ -78,7 +80,8 @@ def solve_integer(
     model.add(worth <= bound)
     model.maximize(worth)
     if goal.floor is not None:
-        model.add(cp_model.LinearExpr.weighted_sum(taken, [c.value for c in columns]) >= goal.floor)
+        floored = [c.kept if goal.of == "value" else c.value for c in columns]
+        model.add(cp_model.LinearExpr.weighted_sum(taken, floored) >= goal.floor)
     if hint is not None:
         _hint(model, taken, supply, hint)
     solver = cp_model.CpSolver()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from ortools.linear_solver import pywraplp
@@ -16,19 +17,30 @@ from pipeline.messages import FloatArray
 
 @dataclass(frozen=True)
 class Goal:
-    """What is maximised: value * objective + kept * substreams that go on - unserved * streams not served.
+    """What is maximised, less ``unserved`` for each stream not served.
 
-    floor: the least objective, in OBJECTIVE_RESOLUTION; None for any.
+    of: the objective, the substreams of a running plan that go on, or nothing but the streams served. floor:
+    the least of the other one, objective in OBJECTIVE_RESOLUTION or substreams; None for any.
     """
 
-    value: float
-    kept: float
+    of: Literal["value", "kept", "nothing"]
     unserved: float
     floor: int | None = None
 
     def worth(self, column: Configuration) -> float:
         """What one stream in a configuration adds."""
-        return self.value * column.value * OBJECTIVE_RESOLUTION + self.kept * column.kept
+        if self.of == "nothing":
+            return 0.0
+        return column.value * OBJECTIVE_RESOLUTION if self.of == "value" else float(column.kept)
+
+    def floored(self, column: Configuration) -> float:
+        """What one stream in a configuration adds to what has a floor."""
+        return float(column.kept) if self.of == "value" else column.value * OBJECTIVE_RESOLUTION
+
+    @property
+    def floor_worth(self) -> float:
+        """The floor in the unit of ``floored``."""
+        return (self.floor or 0) * (1.0 if self.of == "value" else OBJECTIVE_RESOLUTION)
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +73,7 @@ class LinearMaster:
         ]
         self._floor = None
         if goal.floor is not None:
-            self._floor = self._solver.Constraint(goal.floor * OBJECTIVE_RESOLUTION, infinity)
+            self._floor = self._solver.Constraint(goal.floor_worth, infinity)
         self._solver.Objective().SetMaximization()
         self._unserved = [self._column({serve: 1.0}, -goal.unserved) for serve in self._serve]
         for entries in rows.supply:
@@ -72,7 +84,7 @@ class LinearMaster:
         entries = {self._limits[r]: n / self._scale[r] for r, n in self._rows.load(column).items()}
         entries[self._serve[column.stream_class]] = 1.0
         if self._floor is not None:
-            entries[self._floor] = column.value * OBJECTIVE_RESOLUTION
+            entries[self._floor] = self._goal.floored(column)
         self._column(entries, self._goal.worth(column))
 
     def solve(self) -> LinearSolution:

@@ -196,13 +196,8 @@ class Pricer:
         for front, here in zip(reversed(fronts), reversed(taken), strict=True):
             part = int(here[q])
             found += front.choices_of(part)
-            q = self._rest(q, part)
+            q = self.states.rest[q, part]
         return tuple(sorted(found))
-
-    def _rest(self, q: int, part: int) -> int:
-        first, last = self.states.first_split[q], self.states.first_split[q + 1]
-        at = int(np.flatnonzero(self.states.split_here[first:last] == part)[0])
-        return int(self.states.split_rest[first + at])
 
 
 @dataclass(frozen=True, eq=False)

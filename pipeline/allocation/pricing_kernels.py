@@ -16,11 +16,16 @@ def _insert(loads, profits, nodes, size, load, profit, node):  # type: ignore[no
     """Put a point into a front (ascending in load and profit); the new size, -1 if it is full, -2 if
     dominated.
     """
-    at = 0
-    while at < size and loads[at] <= load:
-        if profits[at] >= profit:
-            return -2
-        at += 1
+    low, high = 0, size
+    while low < high:  # at: the first point with a greater load
+        middle = (low + high) >> 1
+        if loads[middle] <= load:
+            low = middle + 1
+        else:
+            high = middle
+    at = low
+    if at > 0 and profits[at - 1] >= profit:
+        return -2
     if at > 0 and loads[at - 1] == load:
         at -= 1
     end = at

@@ -31,7 +31,7 @@ GAP_UNITS = 100
 MAX_ENUMERATED = 150_000
 #: parts of the gap that are enumerated, one after the other
 _PARTS = (1.0 / 64.0, 1.0 / 16.0, 1.0 / 4.0, 1.0)
-_SERVE = Goal(0.0, 0.0, 1.0)
+_SERVE = Goal("nothing", 1.0)
 _UNSERVED_TOLERANCE = 1e-6
 #: of the time that is left, column generation may take this much
 _LINEAR_SHARE = 0.6
@@ -59,13 +59,13 @@ class Search:
         self._pricer = Pricer(aggregation)
         self._deadline_s, self._seed = deadline_s, seed
 
-    def value_goal(self) -> Goal:
-        """The paper's objective."""
-        return Goal(1.0, 0.0, self._dear())
+    def value_goal(self, least_kept: int | None = None) -> Goal:
+        """The paper's objective, while at least so many substreams of a running plan go on."""
+        return Goal("value", self._dear(), least_kept)
 
-    def keep_goal(self, floor: int) -> Goal:
-        """The most substreams that go on, with an objective of at least floor (OBJECTIVE_RESOLUTION)."""
-        return Goal(0.0, 1.0, self._dear(), floor)
+    def keep_goal(self, least_value: int) -> Goal:
+        """The most substreams that go on, with at least this objective (in OBJECTIVE_RESOLUTION)."""
+        return Goal("kept", self._dear(), least_value)
 
     def solve(self, goal: Goal, gap_limit: float = 0.0) -> Found:
         """The best plan for the goal; stops early at a gap (see Plan) of gap_limit."""
@@ -133,9 +133,9 @@ class _Gap:
     def __init__(self, goal: Goal, relaxation: Relaxation, limit: float) -> None:
         self.goal, self.limit = goal, limit
         self.best: IntegerSolution | None = None
-        self._unit = OBJECTIVE_RESOLUTION if goal.value else 1.0 / KEPT_UNITS
+        self._unit = OBJECTIVE_RESOLUTION if goal.of == "value" else 1.0 / KEPT_UNITS
         self._root = math.floor(relaxation.bound / self._unit + 0.5)
-        if goal.kept:  # substreams are whole
+        if goal.of == "kept":  # substreams are whole
             self._root = math.floor(relaxation.bound + _UNSERVED_TOLERANCE) * KEPT_UNITS
         self.bound = self._root
         self._exhausted = False

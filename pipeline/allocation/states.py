@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -20,8 +21,8 @@ class States:
     """States by number, the smaller ones first; 0 is the empty one.
 
     periods: distinct, ascending. add: (states, periods), see ``pricing_kernels``. first_split, split_here,
-    split_rest: all ways to share a state between two. covering: numbers of the states that are covering
-    patterns. patterns: those patterns.
+    split_rest: all ways to share a state between two. rest: what is left of a state without a part of it.
+    covering: numbers of the states that are covering patterns. patterns: those patterns.
     """
 
     periods: tuple[int, ...]
@@ -29,6 +30,7 @@ class States:
     first_split: IntArray
     split_here: IntArray
     split_rest: IntArray
+    rest: Mapping[tuple[int, int], int]
     covering: IntArray
     patterns: tuple[Pattern, ...]
 
@@ -54,6 +56,7 @@ def states_of(periods: tuple[int, ...], per_stream: int, per_frame: int) -> Stat
         np.cumsum([0, *map(len, splits)]).astype(np.int64),
         np.array([here for here, _ in flat], dtype=np.int64),
         np.array([rest for _, rest in flat], dtype=np.int64),
+        {(q, here): rest for q, of_state in enumerate(splits) for here, rest in of_state},
         np.array([number[pattern] for pattern in patterns], dtype=np.int64),
         patterns,
     )

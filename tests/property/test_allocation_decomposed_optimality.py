@@ -74,8 +74,14 @@ def network(draw: st.DrawFn, beyond: bool) -> Detector:
 def holds(problem: Problem) -> None:
     wanted = literal.solve(problem, time_limit_s=60.0)
     plan = decomposed.solve(problem, time_limit_s=60.0)
-    assert plan.status == wanted.status
     assert validate(problem, plan) == []
+    if wanted.status == "feasible":  # the paper's program had not ended: it can only be worse
+        assert wanted.objective is not None
+        assert plan.status == "optimal"
+        assert plan.objective is not None
+        assert plan.objective >= wanted.objective - 2e-7
+        return
+    assert plan.status == wanted.status
     if wanted.objective is not None:
         assert plan.objective == pytest.approx(wanted.objective, abs=2e-7)
         assert plan.gap == 0.0
