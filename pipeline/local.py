@@ -69,7 +69,7 @@ def make_detectors(prepared: PreparedMission, plan: Plan) -> dict[tuple[str, str
     for a in plan.assignments:
         model, threshold = prepared.model(a.pool_detector)
         detector = load_detector(model, score_threshold=threshold)
-        stages[a.stream, a.detector] = DetectorStage(detector, prepared.mission.processing.codec)
+        stages[a.stream, a.detector] = DetectorStage(detector, a.codec or prepared.mission.processing.codec)
     return stages
 
 

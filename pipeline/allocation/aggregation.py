@@ -22,8 +22,8 @@ from pipeline.messages import FloatArray
 FORBIDDEN = -math.inf
 UNLIMITED = np.iinfo(np.int64).max
 
-#: the substreams of a running plan: stream, detector, bitrate in bit/s
-Kept = frozenset[tuple[str, str, float]]
+#: the substreams of a running plan: stream, detector, bitrate in bit/s, codec
+Kept = frozenset[tuple[str, str, float, str]]
 
 
 @dataclass(frozen=True)
@@ -161,15 +161,15 @@ def _classes(
 ) -> tuple[StreamClass, ...]:
     by_id = {d.id: d for d in problem.detectors}
     firsts = [by_id[kind.detectors[0]] for kind in kinds]
-    running: dict[str, list[tuple[str, float]]] = defaultdict(list)
-    for stream, detector, bitrate in kept:
-        running[stream].append((detector, bitrate))
+    running: dict[str, list[tuple[str, int | None]]] = defaultdict(list)
+    for stream, detector, bitrate_bps, codec in kept:
+        running[stream].append((detector, problem.level(bitrate_bps, codec)))
     networks = sorted({d.detector for d in problem.detectors})
     kind_of = {detector: k for k, kind in enumerate(kinds) for detector in kind.detectors}
     streams: dict[object, list[str]] = defaultdict(list)
     counts: dict[object, dict[tuple[int, int], int]] = {}
     for stream in problem.streams:
-        mine = _kept_counts(problem, kind_of, running.get(stream, []))
+        mine = _kept_counts(kind_of, running.get(stream, []))
         links = tuple(problem.link(stream, site) for site in problem.sites)
         own = tuple(problem.stream_accuracy.get((stream, network)) for network in networks)
         key = (links, own, tuple(sorted(mine.items())))
@@ -182,12 +182,12 @@ def _classes(
 
 
 def _kept_counts(
-    problem: Problem, kind_of: Mapping[str, int], running: list[tuple[str, float]]
+    kind_of: Mapping[str, int], running: list[tuple[str, int | None]]
 ) -> dict[tuple[int, int], int]:
     counts: dict[tuple[int, int], int] = defaultdict(int)
-    for detector, bitrate in running:
-        if detector in kind_of and bitrate in problem.bitrates_bps:
-            counts[kind_of[detector], problem.bitrates_bps.index(bitrate)] += 1
+    for detector, level in running:
+        if detector in kind_of and level is not None:
+            counts[kind_of[detector], level] += 1
     return dict(counts)
 
 

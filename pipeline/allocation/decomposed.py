@@ -103,7 +103,7 @@ def place(
 
 def kept_of(running: Sequence[Assignment]) -> Kept:
     """The substreams of a running plan, by what they keep."""
-    return frozenset((a.stream, a.detector, a.bitrate_bps) for a in running)
+    return frozenset((a.stream, a.detector, a.bitrate_bps, a.codec) for a in running)
 
 
 def _size(search: Search) -> tuple[int, int]:
@@ -140,12 +140,12 @@ def _stays(aggregation: Aggregation, running: Sequence[Assignment]) -> dict[int,
         for k, kind in enumerate(aggregation.kinds)
         for m, detector in enumerate(kind.detectors)
     }
-    levels = aggregation.problem.bitrates_bps
     stays: dict[int, list[Stay]] = defaultdict(list)
     for a in running:
-        if a.detector in where and a.bitrate_bps in levels:
+        level = aggregation.problem.level(a.bitrate_bps, a.codec)
+        if a.detector in where and level is not None:
             k, m = where[a.detector]
-            use = Use(a.stream, k, levels.index(a.bitrate_bps))
+            use = Use(a.stream, k, level)
             stays[aggregation.kinds[k].group].append(Stay(use, m))
     return stays
 
@@ -158,9 +158,9 @@ def _assignments(
     by_stream: dict[str, list[Assignment]] = defaultdict(list)
     for use, m in detectors:
         d = by_id[aggregation.kinds[use.kind].detectors[m]]
-        bitrate = problem.bitrates_bps[use.level]
+        bitrate_bps, codec = problem.bitrates_bps[use.level], problem.codec(use.level)
         by_stream[use.stream].append(
-            Assignment(use.stream, d.id, d.detector, d.machine, d.site, d.period, 0, bitrate)
+            Assignment(use.stream, d.id, d.detector, d.machine, d.site, d.period, 0, bitrate_bps, codec)
         )
     before = {(a.stream, a.detector): a.phase for a in running}
     phased = [a for of_stream in by_stream.values() for a in _phased(problem, of_stream, before)]

@@ -17,6 +17,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal
 
+from pipeline.config.mission import Codec
+
 MemoryRule = Literal["ram", "one_detector_per_machine"]
 
 OBJECTIVE_RESOLUTION = 1e-9
@@ -80,7 +82,8 @@ class Problem:
     memory_rule: ``ram`` is Eq. ilp_contr_ram, ``one_detector_per_machine`` is Eq. ilp_contr_ram_simpl.
 
     Past the paper: stream_accuracy replaces a detector's accuracy for one stream, by (stream, id in the
-    pool). deadline: see there.
+    pool). deadline: see there. codecs: of each level, where levels are bitrates times codecs (the bitrates
+    then ascend, each several times); empty where there is but one codec.
     """
 
     streams: tuple[str, ...]
@@ -96,6 +99,7 @@ class Problem:
     memory_rule: MemoryRule = "ram"
     stream_accuracy: Mapping[tuple[str, str], tuple[float, ...]] = field(default_factory=dict)
     deadline: Deadline | None = None
+    codecs: tuple[Codec | Literal[""], ...] = ()
 
     @cached_property
     def cycle(self) -> int:
@@ -105,6 +109,15 @@ class Problem:
     def link(self, stream: str, site: str) -> float:
         """link_bw_v^s, bits per second: 0 without a link, infinite at the stream's own site."""
         return self.link_bps.get((stream, site), 0.0)
+
+    def codec(self, level: int) -> Codec | Literal[""]:
+        """The codec of a level; empty where there is but one."""
+        return self.codecs[level] if self.codecs else ""
+
+    def level(self, bitrate_bps: float, codec: str = "") -> int | None:
+        """The number of a level, or None if there is none such."""
+        same = (b for b, bps in enumerate(self.bitrates_bps) if bps == bitrate_bps and self.codec(b) == codec)
+        return next(same, None)
 
     def accuracy(self, stream: str, detector: Detector) -> tuple[float, ...]:
         """acc_d^b for a stream, one value per level."""

@@ -1,8 +1,8 @@
 """Planning again while a plan runs: as good as stated, with the fewest changes.
 
-A substream *goes on* if the new plan has the same stream on the same detector at the same bitrate; its
-encoder, its channel and its detector then need not notice (its phase may shift, which only the source sees).
-Everything else is moved: ended, or begun anew. Among the plans that lose at most the stated share of
+A substream *goes on* if the new plan has the same stream on the same detector at the same bitrate and codec;
+its encoder, its channel and its detector then need not notice (its phase may shift, which only the source
+sees). Everything else is moved: ended, or begun anew. Among the plans that lose at most the stated share of
 accuracy, that with the fewest ended substreams is taken, and of these the best.
 """
 
@@ -92,15 +92,15 @@ def _displaced(
     group_of = {machine: group.machines for group in aggregation.groups for machine in group.machines}
     now, before = kept_of(placed), kept_of(running)
     like = {
-        (a.stream, a.pool_detector, a.bitrate_bps, group_of[a.machine])
+        (a.stream, a.pool_detector, a.bitrate_bps, a.codec, group_of[a.machine])
         for a in placed
-        if (a.stream, a.detector, a.bitrate_bps) not in before
+        if (a.stream, a.detector, a.bitrate_bps, a.codec) not in before
     }
     return frozenset(
         machine
         for a in running
-        if (a.stream, a.detector, a.bitrate_bps) not in now and a.machine in group_of
-        if (a.stream, a.pool_detector, a.bitrate_bps, group_of[a.machine]) in like
+        if (a.stream, a.detector, a.bitrate_bps, a.codec) not in now and a.machine in group_of
+        if (a.stream, a.pool_detector, a.bitrate_bps, a.codec, group_of[a.machine]) in like
         for machine in group_of[a.machine]
     )
 

@@ -38,7 +38,7 @@ def _unknown_names(problem: Problem, plan: Plan) -> Iterator[str]:
             yield f"stream {a.stream}: not in the problem"
         if a.detector not in known:
             yield f"detector {a.detector}: not in the problem"
-        if a.bitrate_bps not in problem.bitrates_bps:
+        if _number_of_level(problem, a) is None:
             yield f"{a.stream} on {a.detector}: bitrate {a.bitrate_bps:g} bps is no level of the problem"
 
 
@@ -150,8 +150,15 @@ def _worth(problem: Problem, assignments: tuple[Assignment, ...]) -> float:
     accuracy, top_bps = 0.0, max(problem.bitrates_bps)
     for a in assignments:
         (detector,) = [d for d in problem.detectors if d.id == a.detector]
-        level = next(b for b, bps in enumerate(problem.bitrates_bps) if bps == a.bitrate_bps)
+        level = _number_of_level(problem, a)
+        assert level is not None
         of_stream = problem.stream_accuracy.get((a.stream, detector.detector), detector.accuracy)
         accuracy += a.bitrate_bps / top_bps / detector.period * of_stream[level]
     sites = sum(len({a.site for a in assignments if a.stream == stream}) for stream in problem.streams)
     return problem.accuracy_weight * accuracy - (1.0 - problem.accuracy_weight) * sites
+
+
+def _number_of_level(problem: Problem, a: Assignment) -> int | None:
+    codecs = problem.codecs or [""] * len(problem.bitrates_bps)
+    levels = list(zip(problem.bitrates_bps, codecs, strict=True))
+    return levels.index((a.bitrate_bps, a.codec)) if (a.bitrate_bps, a.codec) in levels else None

@@ -55,8 +55,25 @@ class Stream(Strict):
     site: str
 
 
+class Delays(Strict):
+    """What a frame's way to a detector takes beside execution; within a site nothing.
+
+    burst: the largest packet, in mean packets of its stream.
+    """
+
+    encode: PositiveSeconds
+    decode: PositiveSeconds
+    burst: float = Field(default=1.0, ge=1.0, le=1000.0)
+
+
 class Processing(Strict):
-    """The paper's processingFrameRate, maxProcessingTime, detPerStream, detPerFrame, w; the memory rule."""
+    """The paper's processingFrameRate, maxProcessingTime, detPerStream, detPerFrame, w; the memory rule.
+
+    Past the paper, each off unless asked for. codecs: the plan chooses one per substream, by the pool's
+    accuracy_by_codec; none: ``codec`` for all. expected_size: accuracies for the size of a person that is to
+    be expected in each stream. sharing: detectors that share a machine slow each other down, as the pool has
+    it. delays: max_processing_time includes encoding, transfer and decoding.
+    """
 
     frame_rate: Hertz
     max_processing_time: PositiveSeconds
@@ -67,6 +84,10 @@ class Processing(Strict):
     codec: Codec = "h264"
     bitrates: tuple[Bitrate, ...] = Field(min_length=1)
     time_limit: PositiveSeconds = 30.0
+    codecs: tuple[Codec, ...] = ()
+    expected_size: bool = False
+    sharing: bool = False
+    delays: Delays | None = None
 
 
 class ObjectSize(Strict):
