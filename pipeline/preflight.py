@@ -17,7 +17,7 @@ from pipeline.config.inventory import Inventory, load_inventory
 from pipeline.config.mission import Mission, Stream, load_mission
 from pipeline.config.pool import Pool, load_pool
 from pipeline.detection import load_detector
-from pipeline.errors import InputError, NoPlanError
+from pipeline.errors import InputError, NoPlanError, NoPlanInTimeError
 from pipeline.geo.camera import Camera
 from pipeline.geo.expected_size import expected_person_px
 from pipeline.geo.frame import LocalFrame
@@ -97,7 +97,7 @@ def plan(prepared: PreparedMission) -> Plan:
             f"{prepared.path}: no allocation satisfies the mission: {explain(prepared.problem).text}"
         )
     if result.status == "unknown":
-        raise NoPlanError(
+        raise NoPlanInTimeError(
             f"{prepared.path} processing.time_limit: found no plan within {limit_s:g} s; expected more time"
         )
     for assignment in result.assignments:

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pipeline.allocation import decomposed, literal
+from pipeline.allocation import decomposed, literal, memory
 from pipeline.allocation.problem import Deadline, Detector, MachineLimit, Problem
 from pipeline.allocation.validate import validate
 
@@ -102,3 +102,31 @@ def test_status_and_objective_are_those_of_the_papers_program(problem: Problem) 
 @given(problems())
 def test_status_and_objective_are_those_of_the_papers_program_on_many_problems(problem: Problem) -> None:
     holds(problem)
+
+
+@settings(max_examples=60, derandomize=True, **QUIET)
+@given(problems())
+def test_machines_with_too_many_patterns_to_list_give_the_same_optimum(problem: Problem) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(memory, "MAX_PATTERNS", 0)
+        holds(problem)
+
+
+@settings(max_examples=40, derandomize=True, **QUIET)
+@given(problems(), st.lists(ACCURACIES, min_size=4, max_size=4))
+def test_codecs_are_levels_too(problem: Problem, accuracies: list[tuple[float, ...]]) -> None:
+    """Every bitrate with two codecs; each detector is better under the one or the other."""
+    levels = tuple(bps for bps in problem.bitrates_bps for _ in range(2))
+    detectors = tuple(
+        replace(d, accuracy=tuple(x for pair in zip(d.accuracy, other, strict=True) for x in pair))
+        for d, other in zip(problem.detectors, accuracies * 7, strict=False)
+    )
+    holds(
+        replace(
+            problem,
+            bitrates_bps=levels,
+            detectors=detectors,
+            codecs=("h264", "h265") * len(BITRATES),
+            stream_accuracy={},
+        )
+    )
