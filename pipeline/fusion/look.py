@@ -13,6 +13,7 @@ class Look:
 
     intersection_enu: float64 (3,), where the ray of the significant point meets the terrain, metres.
     camera_enu: float64 (3,), metres. center_ray_enu: float64 (3,), unit direction of the box's centre.
+    class_name: what was detected, the map's layer.
     """
 
     time_ns: int
@@ -25,3 +26,4 @@ class Look:
     intersection_enu: FloatArray
     camera_enu: FloatArray
     center_ray_enu: FloatArray
+    class_name: str = "person"
