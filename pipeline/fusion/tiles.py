@@ -19,18 +19,31 @@ TILE = 1 << TILE_BITS
 Window = tuple[slice, slice]
 
 
+def tile_shape(shape: tuple[int, int]) -> tuple[int, int]:
+    """Tile rows and tile columns of a grid of so many rows and columns."""
+    return -(-shape[0] // TILE), -(-shape[1] // TILE)
+
+
 class Tiles:
     """A grid (rows, columns) of records that are zero until they are written.
 
-    cells: (tiles * TILE * TILE,), the tiles row by row, each tile's cells row by row. touched: bool (tile rows,
-    tile columns), which tiles may hold anything but zeros; whoever writes to cells sets it. The system gives a
-    tile memory when it is first written. With a folder the cells are a sparse file there, without a name, so
-    that the system can move tiles to disk and nothing is left behind.
+    cells: (tiles * TILE * TILE,), tile by tile and row by row within each. touched: bool (tile rows, tile
+    columns), which tiles may hold anything but zeros; whoever writes to cells sets it. owned: bool
+    (tile rows, tile columns), which may be written to. The system gives a tile memory when it is first
+    written. With a folder the cells are a sparse file there, without a name, so that the system can move
+    tiles to disk and nothing is left behind.
     """
 
-    def __init__(self, shape: tuple[int, int], dtype: np.dtype[Any], folder: Path | None = None) -> None:
+    def __init__(
+        self,
+        shape: tuple[int, int],
+        dtype: np.dtype[Any],
+        folder: Path | None = None,
+        owned: NDArray[np.bool_] | None = None,
+    ) -> None:
         self.shape = shape
-        self.touched = np.zeros((-(-shape[0] // TILE), -(-shape[1] // TILE)), dtype=np.bool_)
+        self.touched = np.zeros(tile_shape(shape), dtype=np.bool_)
+        self.owned = np.ones_like(self.touched) if owned is None else owned
         size = self.touched.size * TILE * TILE
         self._file: mmap.mmap | None = None
         if folder is None:
@@ -45,6 +58,10 @@ class Tiles:
         """Where the cells (N,) lie in ``cells``."""
         tile = (rows >> TILE_BITS) * self.touched.shape[1] + (columns >> TILE_BITS)
         return (tile << 2 * TILE_BITS) + ((rows & (TILE - 1)) << TILE_BITS) + (columns & (TILE - 1))
+
+    def owns(self, row: int, column: int) -> bool:
+        """Whether a cell is in a tile that is kept here."""
+        return bool(self.owned[row >> TILE_BITS, column >> TILE_BITS])
 
     def touch(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> None:
         """Note that the cells (N,) are written to."""

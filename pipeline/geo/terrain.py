@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numba
@@ -15,13 +17,18 @@ from pipeline.errors import InputError
 from pipeline.geo.frame import LocalFrame
 from pipeline.messages import FloatArray
 
+#: Cells on the side of the blocks whose least and greatest heights are kept.
+BLOCK = 64
+
 
 @dataclass(frozen=True, eq=False)
 class Terrain:
     """heights_m: float32 (rows, columns), NaN where unknown; row 0 is the *south* edge, column 0 the west.
 
     Cell (r, c) covers east_m + c * cell_m .. + cell_m, north_m + r * cell_m .. + cell_m; its height is that
-    of its centre.
+    of its centre. The array may be a file on disk, of which only what is looked at comes into memory.
+    block_range_m: float32 (2, rows, columns of blocks of BLOCK cells), least and greatest height of each
+    block; worked out when first needed if absent.
     """
 
     frame: LocalFrame
@@ -29,6 +36,7 @@ class Terrain:
     north_m: float
     cell_m: float
     heights_m: NDArray[np.float32]
+    block_range_m: NDArray[np.float32] | None = None
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -41,6 +49,13 @@ class Terrain:
         row = np.floor((points_enu[:, 1] - self.north_m) / self.cell_m)
         inside = (row >= 0) & (row < self.shape[0]) & (column >= 0) & (column < self.shape[1])
         return np.where(inside[:, None], np.stack([row, column], axis=1), -1).astype(np.int64)
+
+    def cell(self, east_m: float, north_m: float) -> tuple[int, int]:
+        """Row and column of a position; -1, -1 outside."""
+        row, column = (north_m - self.north_m) / self.cell_m, (east_m - self.east_m) / self.cell_m
+        if not (0.0 <= row < self.shape[0] and 0.0 <= column < self.shape[1]):
+            return -1, -1
+        return int(row), int(column)
 
     def centers(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> FloatArray:
         """Centres (N, 3) of cells on the surface."""
@@ -63,6 +78,25 @@ class Terrain:
             )
         )
 
+    def height_range(self, window: tuple[int, int, int, int]) -> tuple[float, float]:
+        """Bounds of the heights in a window (first row, first column, rows, columns); (inf, -inf): none."""
+        row, column, rows, columns = window
+        if not rows or not columns:
+            return math.inf, -math.inf
+        blocks = self._block_range[
+            :,
+            row // BLOCK : (row + rows - 1) // BLOCK + 1,
+            column // BLOCK : (column + columns - 1) // BLOCK + 1,
+        ]
+        return float(blocks[0].min()), float(blocks[1].max())
+
+    @cached_property
+    def _block_range(self) -> NDArray[np.float32]:
+        if self.block_range_m is not None:
+            return self.block_range_m
+        strips = [block_range(self.heights_m[row : row + BLOCK]) for row in range(0, self.shape[0], BLOCK)]
+        return np.concatenate(strips, axis=1)
+
     def intersect(
         self, origin_enu: FloatArray, direction_enu: FloatArray, max_distance_m: float
     ) -> FloatArray | None:
@@ -77,6 +111,15 @@ class Terrain:
             max_distance_m,
         )
         return None if t < 0 else np.asarray(origin_enu + t * direction_enu, dtype=np.float64)
+
+
+def block_range(strip: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Least and greatest height (2, 1, blocks) of a strip of at most BLOCK rows; (inf, -inf): none."""
+    first = np.arange(0, strip.shape[1], BLOCK)
+    unknown = np.isnan(strip)
+    least = np.minimum.reduceat(np.where(unknown, np.float32(np.inf), strip).min(axis=0), first)
+    greatest = np.maximum.reduceat(np.where(unknown, np.float32(-np.inf), strip).max(axis=0), first)
+    return np.stack([least, greatest])[:, None]
 
 
 def frame_of(path: Path) -> LocalFrame:

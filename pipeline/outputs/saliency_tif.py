@@ -27,7 +27,8 @@ _TILE = 256
 def write_saliency(path: Path, voxel_map: VoxelMap) -> None:
     """Write the map, north up, one float32 band for each of BANDS; VoxelMap says what they are.
 
-    unseen_for: seconds from when a cell was last seen to the map's newest look; NaN: never seen. In all bands NaN (the nodata value) where the terrain is unknown. The CRS is that of the map frame. Observations are
+    unseen_for: seconds from when a cell was last seen to the map's newest look; NaN: never seen. In all bands
+    NaN (the nodata value) where the terrain is unknown. The CRS is that of the map frame. Observations are
     whole numbers, exact up to 2^24. The same map gives the same bytes.
     """
     bands = saliency_bands(voxel_map)
