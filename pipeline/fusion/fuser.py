@@ -124,10 +124,10 @@ class Fuser:
 
     def _looks(self, detections: Detections, sound: list[int]) -> list[Look]:
         """Where the boxes stand and how much they say; those without a place are counted."""
-        boxes = detections.boxes_px[sound]
-        center = (boxes[:, :2] + boxes[:, 2:]) / 2.0
-        bottom = np.stack([center[:, 0], boxes[:, 3]], axis=1)
-        rays = self._cameras[detections.stream].rays_enu(np.concatenate([center, bottom]), detections.pose)
+        boxes = detections.boxes_px[sound].tolist()
+        pixels = [((x0 + x1) / 2.0, (y0 + y1) / 2.0) for x0, y0, x1, y1 in boxes]
+        pixels += [((x0 + x1) / 2.0, y1) for x0, _, x1, y1 in boxes]
+        rays = self._cameras[detections.stream].rays_enu(np.array(pixels), detections.pose)
         looks = []
         for i, to_center, to_bottom in zip(sound, rays[: len(sound)], rays[len(sound) :], strict=True):
             look = self._look(detections, i, to_center, to_bottom)

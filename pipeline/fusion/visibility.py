@@ -20,7 +20,7 @@ from pipeline.geo.terrain import Terrain
 from pipeline.messages import CameraPose, FloatArray
 
 #: Distance of neighbouring azimuths at the far end, cells.
-_AZIMUTH_SPACING = 0.7
+_AZIMUTH_SPACING = 0.8
 _FEWEST_AZIMUTHS = 64
 #: Straight pieces per side of the outline of a picture whose lens bends straight lines.
 _PIECES_PER_SIDE = 16
@@ -52,10 +52,10 @@ class Visibility:
         """owned: (tile rows, tile columns); a camera that sees none of these tiles need not be swept for."""
         self._terrain, self._owned = terrain, owned
         self._stamps = np.empty(0, dtype=np.uint8)
-        self._seen, self._cells = (np.empty((2, 0), dtype=np.int32) for _ in range(2))
+        self._seen, self._cells = np.empty(1, dtype=np.int32), np.empty((2, 0), dtype=np.int32)
         self._distances = np.empty(0)
         self._last: tuple[object, ...] = ()
-        self._found = 0
+        self._window, self._found = (0, 0, 0), 0
 
     def cells(
         self, camera: Camera, pose: CameraPose, max_distance_m: float, excluded_boxes_px: FloatArray
@@ -74,7 +74,8 @@ class Visibility:
             _lens(camera),
             np.ascontiguousarray(excluded_boxes_px, dtype=np.float64).reshape(-1, 4),
             max_distance_m,
-            self._seen[:, : self._found],
+            self._window,
+            self._seen[: self._found],
             self._cells,
             self._distances,
         )
@@ -91,10 +92,11 @@ class Visibility:
             return 0
         far_m = max_distance_m if math.isinf(reach) else min(reach * (position[2] - lowest), max_distance_m)
         far = max(far_m, 0.0) / terrain.cell_m
-        window = _window(terrain, position, far + 2.0)
-        if not self._owns_any(window):
+        row, column, rows, columns = _window(terrain, position, far + 2.0)
+        if not self._owns_any((row, column, rows, columns)):
             return 0
-        size = window[2] * window[3]
+        self._window = row, column, (columns - 1).bit_length()
+        size = rows << self._window[2]
         self._reserve(size)
         count = max(math.ceil(width * far / _AZIMUTH_SPACING), _FEWEST_AZIMUTHS)
         return int(
@@ -106,7 +108,7 @@ class Visibility:
                 far,
                 lowest,
                 highest,
-                window,
+                self._window,
                 self._stamps[:size],
                 self._seen,
             )
@@ -122,7 +124,7 @@ class Visibility:
     def _reserve(self, size: int) -> None:
         if size > self._stamps.size:
             self._stamps = np.empty(size, dtype=np.uint8)
-            self._seen, self._cells = (np.empty((2, size), dtype=np.int32) for _ in range(2))
+            self._seen, self._cells = np.empty(size + 1, dtype=np.int32), np.empty((2, size), dtype=np.int32)
             self._distances = np.empty(size)
 
 

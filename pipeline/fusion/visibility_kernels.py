@@ -44,18 +44,21 @@ def _wrapped(angle):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def sweep(heights, position, outline, azimuths, far, lowest, highest, window, stamps, cells):  # type: ignore[no-untyped-def]
+def sweep(heights, position, outline, azimuths, far, lowest, highest, window, stamps, seen):  # type: ignore[no-untyped-def]
     """Walk outward along each azimuth and keep what rises above the horizon so far and lies in the picture.
 
     heights: (rows, columns), NaN unknown. position: (3,) camera. outline: (N, 3) directions around the
     picture, metres per cell of horizontal way. azimuths: first, width and number. far: horizontal reach,
-    cells. lowest, highest: heights of the terrain within reach. window: first row, first column, rows and
-    columns of the part of the grid within reach. stamps: uint8 (window's cells,). cells: int32 (2, window's
-    cells), gets row and column of each seen cell once. Returns how many.
+    cells. lowest, highest: heights of the terrain within reach. window: first row, first column and bits of the
+    part of the grid within reach; its cell (r, c) is number r << bits | c. stamps: uint8 (window's cells,).
+    seen: int32 (window's cells + 1,), gets the number of each seen cell once. Returns how many.
     """
     stamps[:] = 0
-    slope = np.empty(CHUNK)
+    slope, cell = np.empty(CHUNK), np.empty(CHUNK, dtype=np.int32)
     first, width, count = azimuths
+    row, column, bits = window
+    by_column = (column, 1, row, 1 << bits)  # first line and its stride, first place on a line and its stride
+    by_row = (row, 1 << bits, column, 1)
     found = 0
     for i in range(count + 1):
         azimuth = first + width / count * i
@@ -68,10 +71,10 @@ def sweep(heights, position, outline, azimuths, far, lowest, highest, window, st
         end = 1.5 + (min((lowest - position[2]) / top, far) if top < 0.0 else far)
         if abs(east) >= abs(north):
             ray = _ray(position[0], position[1], east, north, start, end, heights.shape[1], heights.shape[0])
-            found = _walk(heights, True, position[2], ray, low, top, slope, window, stamps, cells, found)
+            found = _walk(heights.T, position[2], ray, low, top, by_column, slope, cell, stamps, seen, found)
         else:
             ray = _ray(position[1], position[0], north, east, start, end, heights.shape[0], heights.shape[1])
-            found = _walk(heights, False, position[2], ray, low, top, slope, window, stamps, cells, found)
+            found = _walk(heights, position[2], ray, low, top, by_row, slope, cell, stamps, seen, found)
     return found
 
 
@@ -92,55 +95,64 @@ def _ray(major, minor, toward_major, toward_minor, start, end, lines, across):  
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _walk(heights, by_column, height, ray, low, top, slope, window, stamps, cells, found):  # type: ignore[no-untyped-def]
+def _walk(heights, height, ray, low, top, numbers, slope, cell, stamps, seen, found):  # type: ignore[no-untyped-def]
     """One azimuth of the sweep, from the picture's lower edge or the horizon so far up to its upper edge."""
-    line, sign, steps, _way, place, move, length = ray
+    steps, length = ray[2], ray[6]
     horizon, top, before = low * length, top * length, np.nan
     for first in range(0, steps, CHUNK):
         last = min(first + CHUNK, steps)
-        if by_column:
-            look_up(heights.T, height, ray, first, last, slope)
-        else:
-            look_up(heights, height, ray, first, last, slope)
-        for k in range(first, last):
-            here = slope[k - first]
+        look_up(heights, height, ray, first, last, numbers, slope, cell)
+        for k in range(last - first):
+            here = slope[k]
             if here > horizon:
                 if before < horizon:  # comes into sight on the way here
-                    t = k - 1 + (horizon - before) / (here - before)
-                    found = _stamp(by_column, line + sign * t, place + move * t, window, stamps, cells, found)
-                t = float(k) if here <= top else k - 1 + (top - before) / (here - before)
-                if here <= top or before < top:  # in the picture, or leaves it on the way here
-                    found = _stamp(by_column, line + sign * t, place + move * t, window, stamps, cells, found)
+                    rise = first + k - 1 + (horizon - before) / (here - before)
+                    found = _stamp(_number(rise, ray, numbers, heights), stamps, seen, found)
+                if here > top:
+                    if before < top:  # leaves the picture on the way here
+                        leave = first + k - 1 + (top - before) / (here - before)
+                        found = _stamp(_number(leave, ray, numbers, heights), stamps, seen, found)
+                    return found
+                found = _stamp(cell[k], stamps, seen, found)
                 horizon = here
             before = here
-        if horizon > top:
-            break
     return found
 
 
 @numba.njit(cache=True, error_model="numpy")
-def look_up(heights, height, ray, first, last, slope):  # type: ignore[no-untyped-def]
-    """The slopes from the camera to the surface at some steps of a ray; heights' rows are the lines."""
+def look_up(heights, height, ray, first, last, numbers, slope, cell):  # type: ignore[no-untyped-def]
+    """The slopes from the camera to the surface at some steps of a ray, and the numbers of the cells there.
+
+    heights: its rows are the lines.
+    """
     line, sign, _, way, place, move, _ = ray
+    first_line, line_stride, first_place, place_stride = numbers
     most = heights.shape[1] - 1
     for k in range(first, last):
         x = min(max(place + k * move, 0.0), float(most))  # level in the outer half cells
         i = min(int(x), max(most - 1, 0))
         near, after = heights[line + sign * k, i], heights[line + sign * k, min(i + 1, most)]
         slope[k - first] = (near + (after - near) * (x - i) - height) / (way + k)
+        across = (int(x + 0.5) - first_place) * place_stride
+        cell[k - first] = (line + sign * k - first_line) * line_stride + across
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _stamp(by_column, major, minor, window, stamps, cells, found):  # type: ignore[no-untyped-def]
-    """Note the cell at a place unless it is noted already; returns how many are."""
-    r, c = (minor, major) if by_column else (major, minor)
-    r = min(max(int(r + 0.5), window[0]), window[0] + window[2] - 1)
-    c = min(max(int(c + 0.5), window[1]), window[1] + window[3] - 1)
-    stamp = (r - window[0]) * window[3] + c - window[1]
-    if stamps[stamp] == 0:
-        stamps[stamp] = 1
-        cells[0, found], cells[1, found] = r, c
-        found += 1
+def _number(step, ray, numbers, heights):  # type: ignore[no-untyped-def]
+    """The number of the cell at a step, whole or not, of a ray."""
+    line, sign, _, _, place, move, _ = ray
+    first_line, line_stride, first_place, place_stride = numbers
+    along = min(max(int(line + sign * step + 0.5), 0), heights.shape[0] - 1)
+    across = min(max(int(place + move * step + 0.5), 0), heights.shape[1] - 1)
+    return (along - first_line) * line_stride + (across - first_place) * place_stride
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _stamp(number, stamps, seen, found):  # type: ignore[no-untyped-def]
+    """Note a cell unless it is noted already; returns how many are. Without a branch: it would be guessed wrong."""
+    seen[found] = number
+    found += 1 - stamps[number]
+    stamps[number] = 1
     return found
 
 
@@ -188,16 +200,19 @@ def slopes(outline, east, north):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def select(heights, position, cell_m, toward_camera, lens, boxes, max_distance, seen, cells, distances):  # type: ignore[no-untyped-def]
-    """The seen cells (2, N) whose centre is within max_distance (metres) and in no box (M, 4).
+def select(  # type: ignore[no-untyped-def]
+    heights, position, cell_m, toward_camera, lens, boxes, max_distance, window, seen, cells, distances
+):
+    """Of the seen cells (N,) those whose centre is within max_distance (metres) and in no box (M, 4).
 
     toward_camera: (3, 3), columns: camera-frame metres per cell east, per cell north and per metre up. lens:
-    (9,) fx, fy, cx, cy, k1, k2, p1, p2, k3. cells: int32 (2, >=N), distances: float64 (>=N,), get row, column
-    and distance of the centre, metres. Returns how many.
+    (9,) fx, fy, cx, cy, k1, k2, p1, p2, k3. window: as in sweep. cells: int32 (2, >=N), distances: float64
+    (>=N,), get row, column and distance of the centre, metres. Returns how many.
     """
+    row, column, bits = window
     kept = 0
-    for i in range(seen.shape[1]):
-        r, c = seen[0, i], seen[1, i]
+    for i in range(seen.size):
+        r, c = row + (seen[i] >> bits), column + (seen[i] & ((1 << bits) - 1))
         x, y = c - position[0], r - position[1]
         up = heights[r, c] - position[2]
         distance = math.sqrt((x * x + y * y) * cell_m * cell_m + up * up)

@@ -1,7 +1,7 @@
 """Milliseconds per frame of the fusion, beside OctoMap's and the floor, and what the sweep sees beside rays.
 
-The scene of the project's measurements: 250 m x 250 m of hills, trees and houses; 1024x576, f = 900 px, 15-40 m
-up, 45 degrees down; two boxes per frame. One core. All of a cell size is measured in turns, so that a busy
+The scene of the project's measurements: 250 m x 250 m of hills, trees and houses; 1024x576, f = 900 px, 15-40
+m up, 45 degrees down; two boxes per frame. One core. All of a cell size is measured in turns, so that a busy
 machine slows all alike; of each pose the fastest of REPEATS counts, of the poses the median.
 
 Run: python tests/benchmarks/bench_fusion.py
@@ -123,19 +123,16 @@ def speed(cell_m: float) -> str:
     terrain = _terrain(cell_m)
     frames = _frames(terrain, POSES)
     fuser = Fuser(terrain, _params(cell_m), {"a": CAMERA}, {"d": 1.0})
-    flat_map, ours, floor, given = VoxelMap(terrain, 0.1192, 0.971), [], [], []
+    floor_map, ours, floor, given = VoxelMap(terrain, 0.1192, 0.971), [], [], []
     octomap = OctoMap(terrain) if find_spec("pyoctomap") else None
     seen = [visible_cells(terrain, CAMERA, f.pose, 300.0, BOXES)[:2] for f in frames]
-    # the floor: only the log-odds of a list of cells that is given, in an array of their own
-    log_odds = np.zeros(terrain.heights_m.size, dtype=[("log_odds", "<f4"), ("observations", "<i4")])
-    lists = [rows.astype(np.int64) * terrain.shape[1] + columns for rows, columns in seen]
+    cells, limits = floor_map.tiles.cells, floor_map.limits
+    lists = [floor_map.tiles.flat(rows.astype(np.int64), columns.astype(np.int64)) for rows, columns in seen]
     deltas = [np.full(len(rows), -0.01) for rows, _ in seen]
     points = [list(terrain.centers(*cells)) for cells in seen]
     for _ in range(REPEATS + 1):  # the first round compiles
         ours.append([_ms(fuser.apply, frame) for frame in frames])
-        floor.append(
-            [_ms(add_clamped, log_odds, *case, *flat_map.limits) for case in zip(lists, deltas, strict=True)]
-        )
+        floor.append([_ms(add_clamped, cells, *case, *limits) for case in zip(lists, deltas, strict=True)])
         if octomap:
             given.append([_ms(octomap.update, case) for case in points])
     cast = [_ms(octomap.cast, frame) for frame in frames[:5]] if octomap else []
@@ -158,8 +155,8 @@ def accuracy(cell_m: float) -> str:
         shares.append((both / len(rows), both / rays.sum()))
     mean, worst = np.mean(shares, axis=0), np.min(shares, axis=0)
     return (
-        f"at {cell_m} m against 9 rays per pixel, {POSES} poses: precision {mean[0]:.4f} (worst {worst[0]:.4f}), "
-        f"recall {mean[1]:.4f} (worst {worst[1]:.4f})"
+        f"at {cell_m} m against 9 rays per pixel, {POSES} poses: "
+        f"precision {mean[0]:.4f} (worst {worst[0]:.4f}), recall {mean[1]:.4f} (worst {worst[1]:.4f})"
     )
 
 

@@ -170,11 +170,12 @@ def test_slopes_of_a_level_camera_are_those_of_its_picture():
 
 
 def test_the_sweeps_surface_is_the_terrains_on_lines_of_centres():
-    terrain, slope = _bumpy(7), np.empty(32)
+    terrain, slope, cell = _bumpy(7), np.empty(32), np.empty(32, dtype=np.int32)
     for x in np.random.default_rng(0).uniform(-0.5, 119.5, 20):
-        look_up(terrain.heights_m, 50.0, (33, 1, 32, 4.0, x, 0.4, 1.0), 3, 25, slope)
+        look_up(terrain.heights_m, 50.0, (33, 1, 32, 4.0, x, 0.4, 1.0), 3, 25, (0, 120, 0, 1), slope, cell)
         for k in range(3, 25):
             ours = 50.0 + slope[k - 3] * (4.0 + k)
             east_m, north_m = -30.0 + (x + 0.4 * k + 0.5) * 0.5, -30.0 + (33 + k + 0.5) * 0.5
             if east_m < 30.0:
+                assert tuple(divmod(int(cell[k - 3]), 120)) == terrain.cell(east_m, north_m)
                 assert ours == pytest.approx(terrain.height(east_m, north_m), abs=1e-4)
