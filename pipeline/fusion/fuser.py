@@ -36,10 +36,9 @@ _NO_BOXES = np.zeros((0, 4))
 class Fuser:
     """Raises the voxels of detections and lowers those seen without one.
 
-    maps: a VoxelMap per class name; map: that of persons. looks: the detections that raised them, in order.
-    refused: bad input by reason, which
-    left the map as it was. unplaced: good boxes without a valid voxel or with an impossible size, by reason;
-    they raised nothing.
+    maps: a VoxelMap per class name; map: that of persons. looks: the detections that raised them, in the
+    order of time, stream and detector. refused: bad input by reason, which left the map as it was. unplaced:
+    good boxes without a valid voxel or with an impossible size, by reason; they raised nothing.
     """
 
     def __init__(
@@ -100,7 +99,13 @@ class Fuser:
             if mine:
                 voxel_map.update(raised[0], raised[1], log_odds(np.array([look.p for look in mine])))
             self._observe(voxel_map, self._models[detections.stream, name], detections, boxes_px, raised)
+        self._keep(looks)
+
+    def _keep(self, looks: list[Look]) -> None:
+        late = bool(looks and self.looks) and looks[0].order < self.looks[-1].order
         self.looks += looks
+        if late:
+            self.looks.sort(key=lambda look: look.order)
 
     def _fault(self, detections: Detections) -> str | None:
         """Why nothing of a result can be used, if so."""
@@ -161,7 +166,7 @@ class Fuser:
             return "not the size of its class, or no trust"
         time_ns, stream, detector = detections.order
         return Look(
-            time_ns, stream, detector, score, p, row, column, hit, position, to_center, object_class.name
+            time_ns, stream, detector, score, p, row, column, hit, position, to_center, object_class.name, i
         )
 
     def _observe(

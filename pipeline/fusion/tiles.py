@@ -88,6 +88,12 @@ class Tiles:
                     result[mine[0], its[0]] = self.tile(tile_row, tile_column)[field][mine[1], its[1]]
         return result
 
+    def clear(self) -> None:
+        """Forget everything."""
+        for tile in self.touched_tiles():
+            self.tile(*tile)[:] = 0
+        self.touched[:] = False
+
     def evict(self) -> None:
         """Give the memory of all tiles back to the system; their records stay, on disk. Needs a folder."""
         if self._file is not None:

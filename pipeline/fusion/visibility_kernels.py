@@ -49,9 +49,9 @@ def sweep(heights, position, outline, azimuths, far, lowest, highest, window, st
 
     heights: (rows, columns), NaN unknown. position: (3,) camera. outline: (N, 3) directions around the
     picture, metres per cell of horizontal way. azimuths: first, width and number. far: horizontal reach,
-    cells. lowest, highest: heights of the terrain within reach. window: first row, first column and bits of the
-    part of the grid within reach; its cell (r, c) is number r << bits | c. stamps: uint8 (window's cells,).
-    seen: int32 (window's cells + 1,), gets the number of each seen cell once. Returns how many.
+    cells. lowest, highest: heights of the terrain within reach. window: first row, first column and bits of
+    the part of the grid within reach; its cell (r, c) is number r << bits | c. stamps: uint8 (window's
+    cells,). seen: int32 (window's cells + 1,), gets the number of each seen cell once. Returns how many.
     """
     stamps[:] = 0
     slope, cell = np.empty(CHUNK), np.empty(CHUNK, dtype=np.int32)
@@ -149,7 +149,7 @@ def _number(step, ray, numbers, heights):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, error_model="numpy")
 def _stamp(number, stamps, seen, found):  # type: ignore[no-untyped-def]
-    """Note a cell unless it is noted already; returns how many are. Without a branch: it would be guessed wrong."""
+    """Note a cell unless it is noted already; returns how many are. No branch: it would be guessed wrong."""
     seen[found] = number
     found += 1 - stamps[number]
     stamps[number] = 1

@@ -162,9 +162,7 @@ def accuracy(cell_m: float) -> str:
 
 def main() -> None:
     """Measure and print."""
-    print(
-        "ms per frame: the whole of Fuser.apply; the floor, adding to a given list; OctoMap, list given and cast"
-    )
+    print("ms per frame: Fuser.apply; the floor, adding to a given list; OctoMap, list given, and cast")
     print("cell_m  cells/frame     apply     floor   /floor  updateNode  /apply   castRay  /apply")
     for cell_m in (1.0, 0.5, 0.25):
         print(speed(cell_m), flush=True)
