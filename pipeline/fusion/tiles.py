@@ -77,6 +77,19 @@ class Tiles:
         for tile_row, tile_column in np.argwhere(self.touched):
             yield int(tile_row), int(tile_column)
 
+    def window(self, tile_row: int, tile_column: int) -> Window:
+        """The cells of a tile that are on the grid."""
+        (rows, columns), (row, column) = self.shape, (tile_row * TILE, tile_column * TILE)
+        return slice(row, min(row + TILE, rows)), slice(column, min(column + TILE, columns))
+
+    def touched_window(self) -> Window:
+        """The least part of the grid that holds all touched tiles; empty if there is none."""
+        if not self.touched.any():
+            return slice(0, 0), slice(0, 0)
+        first, last = np.argwhere(self.touched).min(axis=0), np.argwhere(self.touched).max(axis=0)
+        low, high = self.window(int(first[0]), int(first[1])), self.window(int(last[0]), int(last[1]))
+        return slice(low[0].start, high[0].stop), slice(low[1].start, high[1].stop)
+
     def part(self, field: str, window: Window) -> NDArray[Any]:
         """One field of the cells in a window, (rows, columns); a copy."""
         rows, columns = (range(*side.indices(n)) for side, n in zip(window, self.shape, strict=True))

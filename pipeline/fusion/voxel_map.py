@@ -22,6 +22,8 @@ _CERTAINTY = 1e-9
 #: Frames that follow one another within this time are one look, nanoseconds.
 LOOK_GAP_NS = 1_000_000_000
 
+_NONE = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.float32)
+
 #: What is kept of a voxel, 32 bytes; all zero where nothing is known. pod_before: POD of the looks before the
 #: present one; pod_look: the best frame's of the present one.
 VOXEL = np.dtype(
@@ -130,6 +132,22 @@ class VoxelMap:
         return np.where(np.isfinite(self.terrain.heights_m[window]), known, np.float32(np.nan)).astype(
             np.float32
         )
+
+    def touched_window(self) -> Window:
+        """The least part of the map that holds all that is known, in whole tiles; empty if nothing is."""
+        return self.tiles.touched_window()
+
+    def probable(self, threshold: float) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float32]]:
+        """Rows, columns and probabilities (N,) of the observed voxels above a threshold, row by row."""
+        found = []
+        for tile in self.tiles.touched_tiles():
+            window = self.tiles.window(*tile)
+            p, observed = self.probability(window), self.layer("observations", window) > 0
+            rows, columns = np.nonzero((p > threshold) & observed)
+            found.append((rows + window[0].start, columns + window[1].start, p[rows, columns]))
+        rows, columns, p = (np.concatenate(part) for part in zip(_NONE, *found, strict=True))
+        order = np.lexsort((columns, rows))
+        return rows[order], columns[order], p[order]
 
     def valid(self, row: int, column: int) -> bool:
         """Whether there is a voxel: a cell of the terrain whose height is known."""

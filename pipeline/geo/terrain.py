@@ -15,10 +15,10 @@ from rasterio.warp import Resampling, reproject, transform_bounds
 
 from pipeline.errors import InputError
 from pipeline.geo.frame import LocalFrame
+from pipeline.geo.height_blocks import BLOCK, STRIP, block_range, on_disk
 from pipeline.messages import FloatArray
 
-#: Cells on the side of the blocks whose least and greatest heights are kept.
-BLOCK = 64
+_MOST_CELLS, _MOST_CELLS_ON_DISK = 400_000_000, 100_000_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,8 +94,7 @@ class Terrain:
     def _block_range(self) -> NDArray[np.float32]:
         if self.block_range_m is not None:
             return self.block_range_m
-        strips = [block_range(self.heights_m[row : row + BLOCK]) for row in range(0, self.shape[0], BLOCK)]
-        return np.concatenate(strips, axis=1)
+        return block_range(self.heights_m)
 
     def intersect(
         self, origin_enu: FloatArray, direction_enu: FloatArray, max_distance_m: float
@@ -113,15 +112,6 @@ class Terrain:
         return None if t < 0 else np.asarray(origin_enu + t * direction_enu, dtype=np.float64)
 
 
-def block_range(strip: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Least and greatest height (2, 1, blocks) of a strip of at most BLOCK rows; (inf, -inf): none."""
-    first = np.arange(0, strip.shape[1], BLOCK)
-    unknown = np.isnan(strip)
-    least = np.minimum.reduceat(np.where(unknown, np.float32(np.inf), strip).min(axis=0), first)
-    greatest = np.maximum.reduceat(np.where(unknown, np.float32(-np.inf), strip).max(axis=0), first)
-    return np.stack([least, greatest])[:, None]
-
-
 def frame_of(path: Path) -> LocalFrame:
     """The map frame with its origin at the middle of a surface model."""
     with _open(path) as source:
@@ -129,30 +119,77 @@ def frame_of(path: Path) -> LocalFrame:
     return LocalFrame((south + north) / 2.0, (west + east) / 2.0)
 
 
-def load_terrain(path: Path, cell_m: float, frame: LocalFrame | None = None) -> Terrain:
-    """Resample a GeoTIFF surface model to the map frame. Raises InputError if it cannot be used."""
+def load_terrain(
+    path: Path, cell_m: float, frame: LocalFrame | None = None, folder: Path | None = None
+) -> Terrain:
+    """Resample a GeoTIFF surface model to the map frame. Raises InputError if it cannot be used.
+
+    folder: where the heights of a terrain larger than memory are put, in a file without a name that is gone
+    with the process; in memory if absent.
+    """
     frame = frame or frame_of(path)
     with _open(path) as source:
-        west, south, east, north = transform_bounds(source.crs, frame.crs, *source.bounds, densify_pts=21)
-        west, south = np.floor(west / cell_m) * cell_m, np.floor(south / cell_m) * cell_m
-        columns, rows = int(np.ceil((east - west) / cell_m)), int(np.ceil((north - south) / cell_m))
-        if rows * columns > 400_000_000:
-            raise InputError(
-                path, f"{rows} x {columns} cells of {cell_m} m", "at most 4e8 cells: a larger cell_size"
-            )
-        north_up = np.full((rows, columns), np.nan, dtype=np.float32)
-        finer = abs(source.transform.a) < 0.75 * cell_m and source.crs.is_projected
-        reproject(
-            rasterio.band(source, 1),
-            north_up,
-            dst_transform=rasterio.transform.from_origin(west, south + rows * cell_m, cell_m, cell_m),
-            dst_crs=frame.crs.to_wkt(),
-            dst_nodata=np.nan,
-            resampling=Resampling.average if finer else Resampling.bilinear,
-        )
-    if not np.isfinite(north_up).any():
+        west_m, south_m, shape = _grid(source, frame, cell_m)
+        most = _MOST_CELLS if folder is None else _MOST_CELLS_ON_DISK
+        if shape[0] * shape[1] > most:
+            found = f"{shape[0]} x {shape[1]} cells of {cell_m} m"
+            raise InputError(path, found, f"at most {most:.0e} cells: a larger cell_size")
+        heights_m, ranges = _heights(source, frame, cell_m, (west_m, south_m), shape, folder)
+    known = np.isfinite(heights_m).any() if ranges is None else (ranges[0] <= ranges[1]).any()
+    if not known:
         raise InputError(path, "no height at all", "a surface model with heights")
-    return Terrain(frame, float(west), float(south), cell_m, np.ascontiguousarray(north_up[::-1]))
+    return Terrain(frame, west_m, south_m, cell_m, heights_m, ranges)
+
+
+def _heights(
+    source: rasterio.DatasetReader,
+    frame: LocalFrame,
+    cell_m: float,
+    corner_m: tuple[float, float],
+    shape: tuple[int, int],
+    folder: Path | None,
+) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
+    """The heights of a terrain, and on disk the ranges of its blocks, which would else be read again."""
+    west_m, south_m = corner_m
+
+    def strip(first: int, last: int) -> NDArray[np.float32]:
+        return _resample(source, frame, cell_m, west_m, south_m + last * cell_m, (last - first, shape[1]))
+
+    if folder is None:
+        return strip(0, shape[0]), None
+    rows = range(0, shape[0], STRIP)
+    return on_disk((strip(row, min(row + STRIP, shape[0])) for row in rows), shape, folder)
+
+
+def _resample(
+    source: rasterio.DatasetReader,
+    frame: LocalFrame,
+    cell_m: float,
+    west_m: float,
+    north_m: float,
+    shape: tuple[int, int],
+) -> NDArray[np.float32]:
+    """A part of the terrain (rows, columns) whose north-west corner is given, south up."""
+    north_up = np.full(shape, np.nan, dtype=np.float32)
+    finer = abs(source.transform.a) < 0.75 * cell_m and source.crs.is_projected
+    reproject(
+        rasterio.band(source, 1),
+        north_up,
+        dst_transform=rasterio.transform.from_origin(west_m, north_m, cell_m, cell_m),
+        dst_crs=frame.crs.to_wkt(),
+        dst_nodata=np.nan,
+        resampling=Resampling.average if finer else Resampling.bilinear,
+    )
+    return np.ascontiguousarray(north_up[::-1])
+
+
+def _grid(
+    source: rasterio.DatasetReader, frame: LocalFrame, cell_m: float
+) -> tuple[float, float, tuple[int, int]]:
+    """West and south edge, metres, and rows and columns of the terrain that holds a surface model."""
+    bounds = transform_bounds(source.crs, frame.crs, *source.bounds, densify_pts=21)
+    west, south = (math.floor(edge / cell_m) * cell_m for edge in bounds[:2])
+    return west, south, (math.ceil((bounds[3] - south) / cell_m), math.ceil((bounds[2] - west) / cell_m))
 
 
 def _open(path: Path) -> rasterio.DatasetReader:

@@ -34,7 +34,8 @@ POSES, REPEATS = 20, 7
 OCTOMAP_RAYS = (256, 144)
 
 
-def _terrain(cell_m: float) -> Terrain:
+def hilly_terrain(cell_m: float) -> Terrain:
+    """Hills, trees and houses."""
     rng = np.random.default_rng(1)
     x = (np.arange(int(SIDE_M / cell_m)) + 0.5) * cell_m
     east, north = np.meshgrid(x, x)
@@ -52,7 +53,7 @@ def _terrain(cell_m: float) -> Terrain:
     return Terrain(LocalFrame(47.0, 8.0), 0.0, 0.0, cell_m, heights.astype(np.float32))
 
 
-def _params(cell_m: float) -> Fusion:
+def fusion_params(cell_m: float) -> Fusion:
     low, high = {"meters": 0.5}, {"meters": 2.2}
     size = {"width_min": low, "width_max": high, "height_min": low, "height_max": high}
     return Fusion.model_validate(
@@ -120,9 +121,9 @@ def _ms(function, *arguments) -> float:
 
 def speed(cell_m: float) -> str:
     """One line: milliseconds per frame of the fusion, the floor and OctoMap."""
-    terrain = _terrain(cell_m)
+    terrain = hilly_terrain(cell_m)
     frames = _frames(terrain, POSES)
-    fuser = Fuser(terrain, _params(cell_m), {"a": CAMERA}, {"d": 1.0})
+    fuser = Fuser(terrain, fusion_params(cell_m), {"a": CAMERA}, {"d": 1.0})
     floor_map, ours, floor, given = VoxelMap(terrain, 0.1192, 0.971), [], [], []
     octomap = OctoMap(terrain) if find_spec("pyoctomap") else None
     seen = [visible_cells(terrain, CAMERA, f.pose, 300.0, BOXES)[:2] for f in frames]
@@ -147,7 +148,7 @@ def speed(cell_m: float) -> str:
 
 def accuracy(cell_m: float) -> str:
     """One line: what the sweep sees against 9 rays in every pixel."""
-    terrain, shares = _terrain(cell_m), []
+    terrain, shares = hilly_terrain(cell_m), []
     for frame in _frames(terrain, POSES):
         rows, columns, _ = visible_cells(terrain, CAMERA, frame.pose, 300.0, NO_BOXES)
         rays = cells_hit(terrain, CAMERA, frame.pose, 3, 300.0)
