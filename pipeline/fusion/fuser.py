@@ -98,7 +98,8 @@ class Fuser:
             raised = np.array([[k.row for k in mine], [k.column for k in mine]], dtype=np.int64)
             if mine:
                 voxel_map.update(raised[0], raised[1], log_odds(np.array([look.p for look in mine])))
-            self._observe(voxel_map, self._models[detections.stream, name], detections, boxes_px, raised)
+            distances_m = np.array([math.dist(k.intersection_enu, k.camera_enu) for k in mine])
+            self._observe(voxel_map, name, detections, boxes_px, (raised, distances_m))
         self._keep(looks)
 
     def _keep(self, looks: list[Look]) -> None:
@@ -172,13 +173,13 @@ class Fuser:
     def _observe(
         self,
         voxel_map: VoxelMap,
-        model: SensorModel,
+        name: str,
         detections: Detections,
         boxes_px: FloatArray,
-        raised: NDArray[np.int64],
+        raised: tuple[NDArray[np.int64], FloatArray],
     ) -> None:
-        """negativeUpdate of Algorithm grid_update."""
+        """negativeUpdate of Algorithm grid_update. raised: rows and columns (2, N), and distances (N,)."""
         camera, reach_m = self._cameras[detections.stream], self._reach_m[detections.stream]
         seen, distances_m = self._visibility.cells(camera, detections.pose, reach_m, boxes_px)
-        p_detector = self._p_detector[detections.detector]
-        voxel_map.observe(seen, distances_m, raised, model, p_detector, detections.time_ns)
+        model, p_detector = self._models[detections.stream, name], self._p_detector[detections.detector]
+        voxel_map.observe(seen, distances_m, *raised, model, p_detector, detections.time_ns)

@@ -72,7 +72,9 @@ Window = tuple[slice, slice]
 def _window(voxel_map: VoxelMap, tracks: Mapping[str, FloatArray], truth: Sequence[TruePerson]) -> Window:
     terrain = voxel_map.terrain
     known = voxel_map.touched_window()
-    observed = np.argwhere(voxel_map.layer("observations", known)) + (known[0].start, known[1].start)
+    observed = np.argwhere(voxel_map.layer("observations", known)) + np.array(
+        [known[0].start, known[1].start]
+    )
     points = [terrain.cells(track) for track in tracks.values()]
     points += [terrain.cells(person.track_enu) for person in truth]
     cells = np.concatenate([observed, *points])
