@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,6 +22,7 @@ from pipeline.errors import InputError, NoPlanError, NoPlanInTimeError
 from pipeline.geo.camera import Camera
 from pipeline.geo.expected_size import expected_person_px
 from pipeline.geo.frame import LocalFrame
+from pipeline.geo.surfaces import load_mesh
 from pipeline.geo.terrain import Terrain, frame_of, load_terrain
 from pipeline.stages.source import StreamInput
 from pipeline.telemetry.dji_srt import read_dji_srt
@@ -75,10 +77,11 @@ def prepare(path: Path, thorough: bool = False) -> PreparedMission:
     _sites_exist(path, mission, inventory)
     for codec in (mission.processing.codec, *mission.processing.codecs):
         require_codec(codec)
-    frame = frame_of(mission.terrain.file)
+    frame = _frame(mission)
     cameras = {s.id: load_camera(s.camera) for s in mission.streams}
     streams = tuple(_stream(path, mission, s, frame, cameras[s.id], thorough) for s in mission.streams)
-    terrain = load_terrain(mission.terrain.file, mission.fusion.cell_size, frame)
+    load = load_terrain if mission.terrain.origin is None else load_mesh
+    terrain = load(mission.terrain.file, mission.fusion.cell_size, frame)
     for stream in streams:
         _terrain_covers(mission, terrain, stream)
     _models_load(pool)
@@ -103,6 +106,14 @@ def plan(prepared: PreparedMission) -> Plan:
     for assignment in result.assignments:
         prepared.model(assignment.pool_detector)
     return result
+
+
+def _frame(mission: Mission) -> LocalFrame:
+    """The map frame: its origin is the mesh's, or the middle of the surface model."""
+    origin = mission.terrain.origin
+    if origin is None:
+        return frame_of(mission.terrain.file)
+    return LocalFrame(math.degrees(origin.latitude), math.degrees(origin.longitude))
 
 
 def _stream(

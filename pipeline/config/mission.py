@@ -2,25 +2,56 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
 from pipeline.config.base import Strict, load, mismatch, refuse_repeated
-from pipeline.config.units import Bitrate, Hertz, Meters, PositiveMeters, PositiveSeconds, Seconds
+from pipeline.config.units import (
+    Bitrate,
+    Hertz,
+    Meters,
+    PositiveMeters,
+    PositiveSeconds,
+    Radians,
+    Seconds,
+)
 
 Fraction = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
 HalfFraction = Annotated[float, Field(ge=0.0, le=0.5, allow_inf_nan=False)]
 Codec = Literal["h264", "h265", "vp9", "av1"]
 Datum = Literal["ellipsoid", "geoid"]
+SignificantPoint = Literal["bottom_center", "center"]
+#: width and height of a standing person, metres
+PERSON_WIDTH_M, PERSON_HEIGHT_M = 0.5, 1.7
+
+
+class MeshOrigin(Strict):
+    """WGS84 position of a mesh's point (0, 0)."""
+
+    latitude: Radians
+    longitude: Radians
+
+    @model_validator(mode="after")
+    def _on_earth(self) -> MeshOrigin:
+        for name, most_deg in (("latitude", 90.0), ("longitude", 180.0)):
+            angle_deg = math.degrees(getattr(self, name))
+            if abs(angle_deg) > most_deg:
+                raise mismatch(f"{angle_deg:g} degrees", f"at most {most_deg:g} degrees", (name,))
+        return self
 
 
 class Terrain(Strict):
-    """A surface model (DSM) as a GeoTIFF with a CRS, heights in metres above the datum."""
+    """A surface model (DSM), a GeoTIFF with a CRS, or a mesh with an origin; heights above the datum, metres.
+
+    origin: where a mesh (x east, y north, z up, metres; PLY, OBJ, STL, OFF or GLB) lies.
+    """
 
     file: Path
     height_datum: Datum = "ellipsoid"
+    origin: MeshOrigin | None = None
 
 
 class Telemetry(Strict):
@@ -111,15 +142,35 @@ class ObjectSize(Strict):
         return self
 
 
+class ObjectClass(Strict):
+    """What a class of objects looks like. id: the detectors' class id. name: of its layer of the map.
+
+    typical_width, typical_height: of an object that was missed, for the probability of detection; absent: the
+    middle between the least and the greatest.
+    """
+
+    id: int = Field(ge=0)
+    name: str = Field(pattern=r"^[A-Za-z0-9_.-]+$")
+    significant_point: SignificantPoint
+    object_size: ObjectSize
+    typical_width: PositiveMeters | None = None
+    typical_height: PositiveMeters | None = None
+
+
 class Fusion(Strict):
-    """The sensor model and the salient locations (the paper's section 'Detection fusion')."""
+    """The sensor model and the salient locations (the paper's section 'Detection fusion').
+
+    significant_point, object_size: of persons, the detectors' class 0. further_classes: what else is mapped,
+    each class in a layer of its own.
+    """
 
     cell_size: PositiveMeters
     positive_max: HalfFraction
     negative_max: HalfFraction
     tukey_alpha: Fraction
-    significant_point: Literal["bottom_center", "center"]
+    significant_point: SignificantPoint
     object_size: ObjectSize
+    further_classes: tuple[ObjectClass, ...] = ()
     threshold: Fraction
     cluster_distance: PositiveMeters
     clamp_min: float = Field(default=0.1192, ge=0.0, lt=0.5)
@@ -132,6 +183,28 @@ class Fusion(Strict):
             expected = f"more than 0.5 and less than clamp_max, {self.clamp_max:g}"
             raise mismatch(f"{self.threshold:g}", expected, ("threshold",))
         return self
+
+    @model_validator(mode="after")
+    def _classes_are_unique(self) -> Fusion:
+        for number, added in enumerate(self.further_classes):
+            for kind in ("id", "name"):
+                if getattr(added, kind) in [getattr(c, kind) for c in self.classes[: number + 1]]:
+                    at = ("further_classes", number, kind)
+                    raise mismatch(f"{getattr(added, kind)!r} again", f"every {kind} once, persons' too", at)
+        return self
+
+    @property
+    def classes(self) -> tuple[ObjectClass, ...]:
+        """Persons first, then the further classes."""
+        person = ObjectClass.model_construct(
+            id=0,
+            name="person",
+            significant_point=self.significant_point,
+            object_size=self.object_size,
+            typical_width=PERSON_WIDTH_M,
+            typical_height=PERSON_HEIGHT_M,
+        )
+        return (person, *self.further_classes)
 
 
 class Mission(Strict):

@@ -13,6 +13,7 @@ class Look:
 
     intersection_enu: float64 (3,), where the ray of the significant point meets the terrain, metres.
     camera_enu: float64 (3,), metres. center_ray_enu: float64 (3,), unit direction of the box's centre.
+    class_name: what was detected, the map's layer. box: its number in the detector's result.
     """
 
     time_ns: int
@@ -25,3 +26,10 @@ class Look:
     intersection_enu: FloatArray
     camera_enu: FloatArray
     center_ray_enu: FloatArray
+    class_name: str = "person"
+    box: int = 0
+
+    @property
+    def order(self) -> tuple[int, str, str, int]:
+        """The order of looks: that in which results are applied, and of the boxes in a result."""
+        return self.time_ns, self.stream, self.detector, self.box
