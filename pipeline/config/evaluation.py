@@ -148,7 +148,7 @@ class Evaluation(Strict):
     categories: tuple[str, ...] = Field(default=("person",), min_length=1)
     visible_min: Fraction = 0.3
     sample_rate: Hertz = 2.0
-    score_cutoff: float = Field(default=0.02, gt=0.0, lt=1.0)
+    score_cutoff: float = Field(default=0.05, gt=0.0, lt=1.0)
     transcoding: Transcoding | None = None
     timing: Timing | None = None
     bootstrap: Bootstrap = Bootstrap()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
 from typing import Annotated, Any
@@ -129,7 +129,9 @@ def dataset_of(document: Any, where: Path, options: CocoOptions, faults: FaultLo
     places, pictures, sequences = _within_videos(places, pictures, sequences, options, where, faults)
     number = {p.image.id: k for k, p in enumerate(places)}
     truth = _truth(coco, images, number, where, options, faults)
-    return DataSet(pictures, sequences, truth, _digest(sha256, sequences), options.simulated)
+    sequences = tuple(replace(q, sha256=_sha256_of_files(q)) for q in sequences)
+    digest = sha256_of_texts([sha256, *(q.sha256 for q in sequences)])
+    return DataSet(pictures, sequences, truth, digest, options.simulated)
 
 
 def _validated(document: Any, where: Path) -> _Coco:
@@ -216,8 +218,9 @@ def _sequence(places: list[_Place], first: int, where: Path, options: CocoOption
                 f"{where} sequence {name}", f"pictures of {len(sizes)} sizes", "one size in a sequence"
             )
         # frames of files are numbered 0, 1, ..: what lies between annotated files is not known
+        count = len(places)
         return Sequence(
-            name, tuple(p.file for p in places), False, options.frame_rate, len(places), first, len(places)
+            name, tuple(p.file for p in places), False, options.frame_rate, count, first, count, ""
         )
     if len(files) > 1:
         raise InputError(
@@ -231,7 +234,7 @@ def _sequence(places: list[_Place], first: int, where: Path, options: CocoOption
             f"pictures of {size[0]} x {size[1]}",
             f"the size of {files[0]}, {video.width} x {video.height}",
         )
-    return Sequence(name, files, True, video.frame_rate, video.frames, first, len(places))
+    return Sequence(name, files, True, video.frame_rate, video.frames, first, len(places), "")
 
 
 def _within_videos(
@@ -330,5 +333,5 @@ def _inside(
     return (left, top, right - left, bottom - top) if right > left and bottom > top else None
 
 
-def _digest(annotations: str, sequences: tuple[Sequence, ...]) -> str:
-    return sha256_of_texts([annotations, *(sha256_of_file(file) for q in sequences for file in q.files)])
+def _sha256_of_files(sequence: Sequence) -> str:
+    return sha256_of_texts(sha256_of_file(file) for file in sequence.files)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +35,7 @@ class Sequence:
 
     frame_rate: Hz, None for images without one: such a sequence cannot be transcoded. frames: in all,
     annotated or not. first: number of its first annotated picture in the data set; count: how many it has.
+    sha256: of the files.
     """
 
     name: str
@@ -44,6 +45,7 @@ class Sequence:
     frames: int
     first: int
     count: int
+    sha256: str
 
     @property
     def pictures(self) -> range:
@@ -70,12 +72,10 @@ def joined(sets: Iterable[DataSet]) -> DataSet:
     """Several data sets as one."""
     sets = tuple(sets)
     offsets = np.cumsum([0, *(len(s.pictures) for s in sets)])
-    sequences, columns = [], []
+    sequences: list[Sequence] = []
+    columns = []
     for one, offset in zip(sets, offsets, strict=False):
-        for q in one.sequences:
-            sequences.append(
-                Sequence(q.name, q.files, q.is_video, q.frame_rate, q.frames, q.first + int(offset), q.count)
-            )
+        sequences += [replace(q, first=q.first + int(offset)) for q in one.sequences]
         t = one.truth
         columns.append((t.image + offset, t.category, t.bbox, t.area, t.crowd))
     return DataSet(
@@ -93,8 +93,7 @@ def _named_apart(sequences: list[Sequence]) -> Iterable[Sequence]:
     seen: dict[str, int] = {}
     for q in sequences:
         seen[q.name] = seen.get(q.name, 0) + 1
-        name = q.name if seen[q.name] == 1 else f"{q.name}-{seen[q.name]}"
-        yield Sequence(name, q.files, q.is_video, q.frame_rate, q.frames, q.first, q.count)
+        yield q if seen[q.name] == 1 else replace(q, name=f"{q.name}-{seen[q.name]}")
 
 
 def kept_frames(sequence: Sequence, frame_rate_hz: float) -> IntArray:
