@@ -29,7 +29,7 @@ _METRICS = {
 
 
 def write_pool(path: Path, results: Results) -> None:
-    """Write the pool file and read it back. Raises InputError if there is nothing that allocation could use."""
+    """Write the pool file and read it back. Raises InputError if allocation could not use it."""
     document = pool_document(results, path.parent)
     with replacing(path) as temporary:
         temporary.write_text(yaml.safe_dump(document, sort_keys=False, width=110), encoding="utf-8")

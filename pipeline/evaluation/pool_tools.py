@@ -16,7 +16,7 @@ from pipeline.outputs.safe_write import replacing
 
 def shown(pool: Pool) -> list[tuple[str, ...]]:
     """A table, the first row its head: detector, accuracy from the least to the greatest bitrate, costs."""
-    rows = [
+    rows: list[tuple[str, ...]] = [
         ("detector", "accuracy", "at", "memory", "threshold", "time per frame: mean (maximum)", "shared by 2")
     ]
     for d in pool.detectors:
@@ -52,9 +52,9 @@ def merge(paths: list[Path], out: Path) -> None:
     merged: dict[str, dict[str, Any]] = {}
     for path, document in documents:
         for row in document["detectors"]:
-            row = _moved(row, path.parent, out.parent)
-            name = row["id"]
-            merged[name] = row if name not in merged else _joined(merged[name], row, path)
+            moved = _moved(row, path.parent, out.parent)
+            known = merged.get(row["id"])
+            merged[row["id"]] = moved if known is None else _joined(known, moved, path)
     pool = {
         "provenance": {"merged": {str(p): d.get("provenance", {}) for p, d in documents}},
         "assumed": list(dict.fromkeys(text for _, d in documents for text in d.get("assumed", []))),

@@ -1,4 +1,4 @@
-"""Everything that an evaluation found, as one JSON file that the pool, the tables and the report are made of."""
+"""Everything that an evaluation found, in one file that pool, tables and report are made of."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class DetectorFile(_Record):
 
 
 class Provenance(_Record):
-    """Where and when, with what, on what. seconds: spent by what on, over all processes, this run and earlier.
+    """Where and when, with what, on what. seconds: of all processes, by what they were spent on.
 
     size_mix: share of people small, medium and large, at the size in which pictures are looked at.
     """

@@ -68,7 +68,7 @@ def cells_of(
         for condition in grid.conditions:
             progress("metrics", len(cells), total, detector.id)
             parts = [results[q.name, condition] for q in dataset.sequences]
-            found = _found(parts, detector.id, pictures)
+            found = found_in(parts, detector.id, pictures)
             cells.append(
                 Cell(
                     detector=detector.id,
@@ -84,7 +84,8 @@ def cells_of(
     return tuple(cells)
 
 
-def _found(parts: list[UnitResult], detector: str, pictures: IntArray) -> FoundBoxes:
+def found_in(parts: list[UnitResult], detector: str, pictures: IntArray) -> FoundBoxes:
+    """What a detector found under one condition, in all sequences; pictures are numbered as in Sample."""
     of_parts = [part.found[detector] for part in parts]
     boxes = np.concatenate([f.boxes_px for f in of_parts])
     image = np.concatenate([f.image for f in of_parts])

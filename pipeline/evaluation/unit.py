@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import lru_cache
+from itertools import islice
 from pathlib import Path
 from typing import cast
 
@@ -139,6 +140,12 @@ def work(unit: Unit) -> UnitResult:
     meter.seconds["other"] = time.perf_counter() - started - sum(meter.seconds.values())
     found = {name: scanner.found() for name, scanner in scanners.items()}
     return UnitResult(meter.total_bytes, meter.largest, len(unit.kept), meter.seconds, found)
+
+
+def first_pictures(unit: Unit, count: int) -> list[NDArray[np.uint8]]:
+    """The first pictures that are looked at, uint8 (H, W, 3) RGB, as a detector gets them."""
+    frames = islice(_looked_at(unit, _Meter()), count)
+    return [cast("NDArray[np.uint8]", frame.to_ndarray(format="rgb24")) for frame, _ in frames]
 
 
 @lru_cache(maxsize=32)
