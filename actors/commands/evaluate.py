@@ -14,6 +14,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
+from actors.commands.tables import print_table
 from pipeline.errors import InputError, SearchlightError
 
 console = Console(stderr=True)
@@ -72,12 +73,10 @@ def score(
     """AP, AR and LRP of detections that are there already."""
     from pipeline.evaluation.score import score_files
 
-    for table in score_files(truth, results):
-        widths = [max(map(len, column)) for column in zip(*table, strict=True)]
-        for row in table:
-            cells = (cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True))
-            typer.echo("  ".join((row[0].ljust(widths[0]), *cells)))
-        typer.echo()
+    classes, sizes = score_files(truth, results)
+    print_table(classes)
+    typer.echo()
+    print_table(sizes)
 
 
 def convert_annotations(
@@ -117,14 +116,14 @@ def _progress() -> Iterator[Callable[[str, int, int, str], None]]:
         console=console,
     )
     tasks: dict[str, TaskID] = {}
+    before: dict[str, int] = {}
 
     def update(name: str, done: int, total: int, note: str) -> None:
         # what was finished earlier must not make the rest look fast
+        before.setdefault(name, done if done < total else 0)
         if name not in tasks:
-            tasks[name] = bars.add_task(name, total=total - done, note=note)
-            bars.tasks[tasks[name]].fields["before"] = done
-        before = bars.tasks[tasks[name]].fields["before"]
-        bars.update(tasks[name], completed=done - before, note=note)
+            tasks[name] = bars.add_task(name, total=total - before[name], note=note)
+        bars.update(tasks[name], completed=done - before[name], note=note)
 
     with bars:
         yield update

@@ -6,9 +6,8 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
-from rich.table import Table
 
+from actors.commands.tables import print_table
 from pipeline.errors import InputError
 
 app = typer.Typer(no_args_is_help=True, help="Look at pools of detectors, merge them, compare them.")
@@ -21,9 +20,10 @@ def show(pool: Annotated[Path, typer.Argument(help="The pool file (YAML).")]) ->
     from pipeline.evaluation.pool_tools import shown
 
     loaded = load_pool(pool)
-    _print(shown(loaded))
+    print_table(shown(loaded))
+    typer.echo()
     for name, value in loaded.provenance.items():
-        Console().print(f"{name}: {value}", soft_wrap=True, highlight=False, markup=False)
+        typer.echo(f"{name}: {value}")
 
 
 @app.command()
@@ -54,17 +54,8 @@ def diff(
 
     rows = list(differences(load_pool(old), load_pool(new)))
     if rows:
-        _print([("detector", "field", "old", "new"), *rows])
+        print_table([("detector", "field", "old", "new"), *rows], left=2)
         raise typer.Exit(1)
-
-
-def _print(rows: list[tuple[str, ...]]) -> None:
-    table = Table()
-    for k, column in enumerate(rows[0]):
-        table.add_column(column, justify="left" if k < 2 else "right", overflow="fold")
-    for row in rows[1:]:
-        table.add_row(*row)
-    Console().print(table)
 
 
 def register(application: Any) -> None:

@@ -56,7 +56,7 @@ def size_picture(results: Results) -> Figure:
 
 def _sized(results: Results, size: Size) -> str:
     people = max((c.by_size[size].people for c in results.cells), default=0)
-    return f"{size} ({people} people)"
+    return f"{size} ({people or 'no'} people)"
 
 
 def _of_size(size: Size, field: str) -> _Value:
@@ -95,7 +95,7 @@ def _against_bitrate(
         for axes, (title, value) in zip(axes_row, panels, strict=True):
             _lines(axes, results, value, (bands or {}).get(title), mark_cutoff)
             axes.set_title(title, fontsize=11)
-            axes.set_ylim(0.0, 1.0)
+            axes.set_ylim(0.0, 1.02)
             axes.grid(visible=True, which="major", alpha=0.3)
             _bitrate_axis(axes, results)
     figure.legend(
@@ -134,6 +134,7 @@ def _band(axes: Axes, cells: list[Cell], band: Metric, color: str) -> None:
 
 def _bitrate_axis(axes: Axes, results: Results) -> None:
     axes.set_xscale("log")
+    axes.set_xlim(0.8 * results.bitrates_bps[0], 1.25 * results.bitrates_bps[-1])
     axes.set_xticks(list(results.bitrates_bps))
     axes.xaxis.set_major_formatter(FuncFormatter(lambda bps, _: bitrate_name(bps)))
     axes.xaxis.set_minor_locator(NullLocator())
@@ -195,6 +196,9 @@ def time_picture(results: Results) -> Figure:
     axes.set_ylim(len(results.timings) - 0.4, -0.6)
     axes.set_xscale("log")
     axes.margins(x=0.25)
+    for formatter in (axes.xaxis.set_major_formatter, axes.xaxis.set_minor_formatter):
+        formatter(FuncFormatter(lambda ms, _: f"{ms:g}"))
+    axes.tick_params(axis="x", which="both", labelsize=8)
     axes.set_xlabel("ms per picture, log scale: minimum | mean (dot), 95 % (diamond) | maximum", fontsize=9)
     axes.grid(visible=True, which="both", axis="x", alpha=0.3)
     return figure
@@ -217,7 +221,8 @@ def context_picture(results: Results) -> Figure:
                 )
         axes.set_title(f"{detector.id}, {CODEC_NAMES[results.codec]}", fontsize=11)
         axes.set_xlabel("expected size of a standing person, px", fontsize=9)
-        axes.set_ylim(0.0, 1.0)
+        axes.set_ylim(0.0, 1.02)
+        axes.set_xlim(0.0, 130.0)
         axes.grid(visible=True, alpha=0.3)
     for axes in grid[len(results.detectors) :]:
         axes.set_visible(False)

@@ -181,8 +181,11 @@ def _threshold(evaluation: Evaluation, dataset: DataSet, grid: Grid, found: _Res
     count, t = len(grid.conditions), sample.truth
     true = true_boxes(
         np.concatenate([t.image + k * sample.images for k in range(count)]),
-        np.tile(t.category, count), np.tile(t.bbox, (count, 1)), np.tile(t.area, count), np.tile(t.crowd, count),
-    )  # fmt: skip
+        np.tile(t.category, count),
+        np.tile(t.bbox, (count, 1)),
+        np.tile(t.area, count),
+        np.tile(t.crowd, count),
+    )
     parts: list[FoundBoxes] = []
     for k, condition in enumerate(grid.conditions):
         own = found_in([found[q.name, condition] for q in dataset.sequences], detector, pictures)
