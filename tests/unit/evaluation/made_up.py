@@ -1,3 +1,4 @@
+# ruff: noqa: E501
 """Results with chosen figures, for what is made of results."""
 
 from __future__ import annotations
