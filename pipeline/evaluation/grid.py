@@ -7,11 +7,12 @@ import multiprocessing
 import signal
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, replace
 from functools import partial
 
 from pipeline.config.evaluation import Evaluation
-from pipeline.errors import InputError
+from pipeline.errors import InputError, RunFailedError
 from pipeline.evaluation.cache import Cache
 from pipeline.evaluation.dataset import DataSet, Sequence, kept_frames, sampled_pictures
 from pipeline.evaluation.faults import FaultLog
@@ -100,9 +101,11 @@ def run_grid(
     execute: Execute,
     progress: Progress,
     keep_streams: bool = False,
+    spent: dict[str, float] | None = None,
 ) -> dict[tuple[str, Condition], UnitResult]:
     """The results by sequence and condition, from the cache or worked out and put there.
 
+    keep_streams: encoded streams too, for detectors to come. spent: takes the seconds that were worked now.
     Each is in the cache before the next one is waited for: an interrupted run loses only what is under way.
     Raises InputError if a detector returns what is not finite and that is refused.
     """
@@ -127,6 +130,9 @@ def run_grid(
     for unit, result in execute(todo) if todo else ():
         cache.store(unit, source[unit.sequence], result)
         _take(results, unit, result, unit.models, faults)
+        for part, seconds in result.seconds.items():
+            if spent is not None:
+                spent[part] = spent.get(part, 0.0) + seconds
         done, left = done + _cost(unit), left - 1
         progress("grid", done, total, f"{left} of {len(grid.units)} to do")
     return results
@@ -175,6 +181,10 @@ def _in_processes(workers: int, units: list[Unit]) -> Iterator[tuple[Unit, UnitR
             finished, _ = wait(waiting, return_when=FIRST_COMPLETED)
             for future in finished:
                 yield waiting.pop(future), future.result()
+    except BrokenProcessPool:
+        raise RunFailedError(
+            "a process of the grid died, perhaps for lack of memory: try fewer --workers"
+        ) from None
     except BaseException:
         # what is under way is lost anyway: end it now, not in minutes
         for process in list(getattr(pool, "_processes", {}).values()):

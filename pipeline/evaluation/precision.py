@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +27,7 @@ def in_precision(detector: EvaluatedDetector, folder: Path) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{detector.id}.onnx"
     try:
-        with replacing(path) as temporary:
+        with replacing(path) as temporary, _quiet():
             {"float16": _float16, "int8": _int8}[detector.precision](detector.model, temporary)
     except ModuleNotFoundError as error:
         found = f"no module {error.name}, which {detector.precision} needs"
@@ -36,6 +39,16 @@ def in_precision(detector: EvaluatedDetector, folder: Path) -> Path:
         found = f"a model that cannot be converted to {detector.precision} ({reason})"
         raise InputError(detector.model, found, "precision: as_exported") from None
     return path
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """The converters warn about every tensor that they leave as it is."""
+    logging.disable(logging.WARNING)
+    try:
+        yield
+    finally:
+        logging.disable(logging.NOTSET)
 
 
 def _float16(source: Path, target: Path) -> None:

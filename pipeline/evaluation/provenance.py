@@ -27,8 +27,9 @@ def provenance(
     grid: Grid,
     faults: FaultLog,
     seconds: dict[str, float],
+    spent: dict[str, float],
 ) -> Provenance:
-    """The record of an evaluation. seconds: spent on each part of the work."""
+    """The record of an evaluation. seconds: what all cells took, by part; spent: what this run took."""
     pictures = looked_at(grid)
     truth = sample_of(evaluation, dataset, pictures).truth
     area = truth.area[~truth.crowd]
@@ -56,6 +57,7 @@ def provenance(
         faults=tuple(faults.lines()),
         missing_codecs=grid.missing_codecs,
         seconds={part: round(s, 3) for part, s in seconds.items()},
+        seconds_this_run={part: round(s, 3) for part, s in spent.items()},
     )
 
 

@@ -142,7 +142,6 @@ def verdict(results: Results) -> str:
 
 def _provenance(results: Results) -> list[tuple[str, str]]:
     p = results.provenance
-    spent = sum(p.seconds.values()) or 1.0
     more = ", .." if len(p.sequences) > 12 else ""
     rows = [
         ("date", p.date),
@@ -158,10 +157,17 @@ def _provenance(results: Results) -> list[tuple[str, str]]:
         (d.id, f"{d.model}, {d.precision}, threshold {d.score_threshold:.2f}, sha256 {d.sha256[:16]}")
         for d in results.detectors
     ]
-    shares = ", ".join(
-        f"{part} {s:.0f} s ({s / spent:.0%})" for part, s in sorted(p.seconds.items(), key=lambda x: -x[1])
-    )
-    return [*rows, ("processor time of the cells", shares)]
+    return [
+        *rows,
+        ("processor time of all cells", _shares(p.seconds)),
+        ("of it in this run, with all else", _shares(p.seconds_this_run)),
+    ]
+
+
+def _shares(seconds: dict[str, float]) -> str:
+    total = sum(seconds.values()) or 1.0
+    largest_first = sorted(seconds.items(), key=lambda item: -item[1])
+    return ", ".join(f"{part} {s:.1f} s ({s / total:.1%})" for part, s in largest_first)
 
 
 def _png(figure: Figure) -> bytes:

@@ -29,7 +29,8 @@ class DetectorFile(_Record):
 
 
 class Provenance(_Record):
-    """Where and when, with what, on what. seconds: of all processes, by what they were spent on.
+    """Where and when, with what, on what. seconds: that all cells took, over all processes, by what
+    they were spent on; seconds_this_run: those that were worked now.
 
     size_mix: share of people small, medium and large, at the size in which pictures are looked at.
     """
@@ -50,6 +51,7 @@ class Provenance(_Record):
     faults: tuple[str, ...]
     missing_codecs: tuple[str, ...]
     seconds: dict[str, float]
+    seconds_this_run: dict[str, float]
 
 
 class Results(_Record):

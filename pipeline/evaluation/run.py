@@ -74,10 +74,12 @@ def evaluate(
     reading_s = time.perf_counter() - started
     timings = timings_of(evaluation, grid, models, out / "cache" / "times", progress)
     keep = evaluation.transcoding is not None and evaluation.transcoding.keep_streams
-    found = run_grid(grid, dataset, Cache(out / "cache"), faults, execute, progress, keep)
+    spent: dict[str, float] = {}
+    found = run_grid(grid, dataset, Cache(out / "cache"), faults, execute, progress, keep, spent)
     for line in faults.lines():
         say(line)
-    return _finish(path, out, evaluation, dataset, grid, models, timings, found, faults, reading_s, progress)
+    spent["reading"] = reading_s
+    return _finish(path, out, evaluation, dataset, grid, models, timings, found, faults, spent, progress)
 
 
 def check_evaluation_directory(out: Path) -> None:
@@ -126,14 +128,14 @@ def _finish(
     timings: tuple[SetupTiming, ...],
     found: _Results,
     faults: FaultLog,
-    reading_s: float,
+    spent: dict[str, float],
     progress: Progress,
 ) -> Finished:
     started = time.perf_counter()
     cells = cells_of(evaluation, dataset, grid, found, progress)
     thresholds = {m.id: _threshold(evaluation, dataset, grid, found, m.id) for m in models}
     shown = examples(grid, dataset, models[-1], thresholds[models[-1].id])
-    seconds = _seconds(found) | {"reading": reading_s, "metrics": time.perf_counter() - started}
+    spent["metrics"] = time.perf_counter() - started
     results = Results(
         name=evaluation.name,
         metric=evaluation.pool.metric,
@@ -152,7 +154,7 @@ def _finish(
         ),
         cells=cells,
         timings=timings,
-        provenance=provenance(path, evaluation, dataset, grid, faults, seconds),
+        provenance=provenance(path, evaluation, dataset, grid, faults, _seconds(found), spent),
     )
     return _written(out, results, shown, progress)
 

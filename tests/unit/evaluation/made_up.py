@@ -78,6 +78,6 @@ def results(ap=ap_like_the_paper, detectors=("tiny", "large"), simulated=True, s
             evaluation="e.yaml", evaluation_sha256="a" * 64, dataset_sha256="b" * 64, sequences=("s-1", "s-2"),
             pictures=8, people=10, ignored=1, size_mix={"small": 0.16, "medium": 0.79, "large": 0.05},
             simulated=simulated, machine="a <b>machine</b>", cores=2, versions={"python": "3"}, date="2026-01-01",
-            faults=(), missing_codecs=(), seconds={"encode": 5.0, "detect": 5.0},
+            faults=(), missing_codecs=(), seconds={"encode": 5.0, "detect": 5.0}, seconds_this_run={},
         ),
     ).model_copy(update=more)  # fmt: skip
