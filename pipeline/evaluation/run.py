@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -17,11 +15,12 @@ from pipeline.errors import InputError
 from pipeline.evaluation.boxes import FoundBoxes, found_boxes, true_boxes
 from pipeline.evaluation.cache import Cache
 from pipeline.evaluation.dataset import DataSet, require_aspect, sha256_of_file
-from pipeline.evaluation.examples import examples
+from pipeline.evaluation.examples import Example, examples
 from pipeline.evaluation.faults import FaultLog
 from pipeline.evaluation.grid import Execute, Grid, Progress, plan_grid, run_grid
 from pipeline.evaluation.lrp import lrp_curve, optimal_lrp
 from pipeline.evaluation.matching import match
+from pipeline.evaluation.own_folder import CACHE, check_evaluation_directory, evaluation_directory
 from pipeline.evaluation.pool_file import write_pool
 from pipeline.evaluation.precision import in_precision
 from pipeline.evaluation.provenance import provenance
@@ -35,9 +34,6 @@ from pipeline.evaluation.timings import timings_of
 from pipeline.evaluation.unit import Condition, Model, UnitResult
 from pipeline.outputs.safe_write import write_bytes, write_text
 
-#: marks a folder as ours from the first moment on, so that an interrupted run can go on in it
-MARK = "evaluation.json"
-_WRITTEN_BY = "searchlight evaluate"
 _PERSON = 1
 _Results = dict[tuple[str, Condition], UnitResult]
 
@@ -66,41 +62,21 @@ def evaluate(
     dataset = read_datasets(evaluation, faults)
     if evaluation.transcoding is not None:
         require_aspect(dataset, (evaluation.transcoding.width, evaluation.transcoding.height))
-    _mark(out, evaluation)
-    models = _models(evaluation, out)
-    grid = plan_grid(evaluation, dataset, models)
-    for codec in grid.missing_codecs:
-        say(f"{codec} is not measured: this build of FFmpeg lacks it")
-    reading_s = time.perf_counter() - started
-    timings = timings_of(evaluation, grid, models, out / "cache" / "times", progress)
-    keep = evaluation.transcoding is not None and evaluation.transcoding.keep_streams
-    spent: dict[str, float] = {}
-    found = run_grid(grid, dataset, Cache(out / "cache"), faults, execute, progress, keep, spent)
-    for line in faults.lines():
-        say(line)
-    spent["reading"] = reading_s
-    return _finish(path, out, evaluation, dataset, grid, models, timings, found, faults, spent, progress)
-
-
-def check_evaluation_directory(out: Path) -> None:
-    """Raise InputError unless an evaluation may write here."""
-    if not out.exists() or (out.is_dir() and not any(out.iterdir())):
-        return
-    try:
-        ours = json.loads((out / MARK).read_bytes())["written_by"] == _WRITTEN_BY
-    except (OSError, ValueError, KeyError, TypeError):
-        ours = False
-    if not ours:
-        found = "a folder with other files" if out.is_dir() else "a file"
-        raise InputError(out, found, "a new or empty folder, or that of an earlier evaluation")
-
-
-def _mark(out: Path, evaluation: Evaluation) -> None:
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        write_text(out / MARK, json.dumps({"written_by": _WRITTEN_BY, "name": evaluation.name}))
-    except OSError as error:
-        raise InputError(out, f"no place to write ({error.strerror})", "a folder that can be made") from None
+    spent = {"reading": time.perf_counter() - started}
+    with evaluation_directory(out):
+        models = _models(evaluation, out)
+        grid = plan_grid(evaluation, dataset, models)
+        for codec in grid.missing_codecs:
+            say(f"{codec} is not measured: this build of FFmpeg lacks it")
+        timings = timings_of(evaluation, grid, models, out / CACHE / "times", progress)
+        keep = evaluation.transcoding is not None and evaluation.transcoding.keep_streams
+        found = run_grid(grid, dataset, Cache(out / CACHE), faults, execute, progress, keep, spent)
+        for line in faults.lines():
+            say(line)
+        results, shown = _measured(
+            path, evaluation, dataset, grid, models, timings, found, faults, spent, progress
+        )
+        return _written(out, results, shown, progress)
 
 
 def _models(evaluation: Evaluation, out: Path) -> tuple[Model, ...]:
@@ -118,9 +94,8 @@ def _models(evaluation: Evaluation, out: Path) -> tuple[Model, ...]:
     return tuple(models)
 
 
-def _finish(
+def _measured(
     path: Path,
-    out: Path,
     evaluation: Evaluation,
     dataset: DataSet,
     grid: Grid,
@@ -130,7 +105,7 @@ def _finish(
     faults: FaultLog,
     spent: dict[str, float],
     progress: Progress,
-) -> Finished:
+) -> tuple[Results, list[Example]]:
     started = time.perf_counter()
     cells = cells_of(evaluation, dataset, grid, found, progress)
     thresholds = {m.id: _threshold(evaluation, dataset, grid, found, m.id) for m in models}
@@ -156,10 +131,10 @@ def _finish(
         timings=timings,
         provenance=provenance(path, evaluation, dataset, grid, faults, _seconds(found), spent),
     )
-    return _written(out, results, shown, progress)
+    return results, shown
 
 
-def _written(out: Path, results: Results, shown: list[Any], progress: Progress) -> Finished:
+def _written(out: Path, results: Results, shown: list[Example], progress: Progress) -> Finished:
     progress("report", 0, 1, "")
     figures = report_figures(results, shown)
     (out / "pictures").mkdir(exist_ok=True)

@@ -1,4 +1,4 @@
-"""LRP at all thresholds beside pycocotools' AP on the same real pictures, and where an evaluation's time goes.
+"""LRP at all thresholds beside pycocotools' AP on real pictures, and where an evaluation's time goes.
 
 python tests/benchmarks/bench_evaluation.py [--data FOLDER] [--results DIR/results.json]
 """
@@ -80,9 +80,7 @@ def side_by_side(data: Path) -> None:
         f"moLRP {ours():.6f}, mean AP {theirs():.16f} of {len(truth['images'])} pictures, {len(found)} boxes"
     )
     lrp_s, ap_s = best_of(ours), best_of(theirs)
-    print(
-        f"LRP at every score: {1e3 * lrp_s:.0f} ms; pycocotools' AP: {1e3 * ap_s:.0f} ms; ratio {lrp_s / ap_s:.3f}"
-    )
+    print(f"LRP {1e3 * lrp_s:.0f} ms, pycocotools' AP {1e3 * ap_s:.0f} ms: {lrp_s / ap_s:.3f} of it")
 
 
 def profile(results: Path) -> None:

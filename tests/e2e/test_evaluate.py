@@ -5,7 +5,10 @@ from __future__ import annotations
 import csv
 import json
 import shutil
+import signal
+import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -174,6 +177,39 @@ def test_an_interrupted_evaluation_says_how_it_goes_on(small_mission, tmp_path, 
     monkeypatch.undo()
     assert searchlight(monkeypatch, "evaluate", file, "--out", out, "--workers", 1) == 0
     assert "no pool: it needs timing" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_a_real_interrupt_keeps_what_is_finished_and_a_second_run_at_once_is_refused(small_mission, tmp_path):
+    bitrates = [{"kbps": 100 * k} for k in range(1, 13)]
+    transcoding = {"codecs": ["h264"], "bitrates": bitrates, "width": 512, "height": 288}
+    file, out = evaluation(tmp_path, small_mission, transcoding=transcoding), tmp_path / "out"
+    document = yaml.safe_load(file.read_text())
+    del document["timing"]
+    file.write_text(yaml.safe_dump(document))
+    command = [sys.executable, "-m", "actors.cli", "evaluate", str(file), "--out", str(out), "--workers", "2"]
+    run = subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 200
+    while len(list(out.glob("cache/found/*.npz"))) < 3:
+        assert time.monotonic() < deadline
+        assert run.poll() is None
+        time.sleep(0.2)
+    second = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert second.returncode == 2
+    assert "another evaluation at work in it" in second.stderr
+    run.send_signal(signal.SIGINT)
+    _, said = run.communicate(timeout=60)
+    assert run.returncode == 130, said
+    assert "the same command goes on" in said
+    assert "Traceback" not in said
+    before = {p: p.stat().st_mtime_ns for p in out.glob("cache/found/*.npz")}
+    assert len(before) < 26
+    last = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert last.returncode == 0, last.stderr
+    after = {p: p.stat().st_mtime_ns for p in out.glob("cache/found/*.npz")}
+    assert len(after) == 26
+    assert all(after[p] == written for p, written in before.items())
+    assert not list(out.rglob(".*part"))
 
 
 @pytest.mark.skipif(not REAL.is_dir(), reason=f"{REAL} is not there")
