@@ -11,27 +11,16 @@ from pathlib import Path
 import av
 import onnxruntime
 
-from pipeline.config.evaluation import Evaluation
-from pipeline.evaluation.dataset import DataSet, sha256_of_file
+from pipeline.evaluation.dataset import sha256_of_file
 from pipeline.evaluation.faults import FaultLog
-from pipeline.evaluation.grid import Grid
+from pipeline.evaluation.grid_results import GridResults
 from pipeline.evaluation.matching import AREAS
 from pipeline.evaluation.results import Provenance
-from pipeline.evaluation.sample import looked_at, sample_of
 
 
-def provenance(
-    path: Path,
-    evaluation: Evaluation,
-    dataset: DataSet,
-    grid: Grid,
-    faults: FaultLog,
-    seconds: dict[str, float],
-    spent: dict[str, float],
-) -> Provenance:
-    """The record of an evaluation. seconds: what all cells took, by part; spent: what this run took."""
-    pictures = looked_at(grid)
-    truth = sample_of(evaluation, dataset, pictures).truth
+def provenance(path: Path, found: GridResults, faults: FaultLog, spent: dict[str, float]) -> Provenance:
+    """The record of an evaluation. spent: seconds of this run, by what they were spent on."""
+    dataset, truth = found.dataset, found.sample.truth
     area = truth.area[~truth.crowd]
     inside = {
         "small": area <= AREAS["small"][1],
@@ -43,7 +32,7 @@ def provenance(
         evaluation_sha256=sha256_of_file(path),
         dataset_sha256=dataset.sha256,
         sequences=tuple(q.name for q in dataset.sequences),
-        pictures=len(pictures),
+        pictures=found.sample.images,
         people=len(area),
         ignored=int(truth.crowd.sum()),
         size_mix={
@@ -55,8 +44,8 @@ def provenance(
         versions=_versions(),
         date=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         faults=tuple(faults.lines()),
-        missing_codecs=grid.missing_codecs,
-        seconds={part: round(s, 3) for part, s in seconds.items()},
+        missing_codecs=found.grid.missing_codecs,
+        seconds={part: round(s, 3) for part, s in found.seconds().items()},
         seconds_this_run={part: round(s, 3) for part, s in spent.items()},
     )
 

@@ -7,19 +7,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
-from pipeline.config.evaluation import Evaluation, load_evaluation
+from pipeline.config.evaluation import EvaluatedDetector, Evaluation, load_evaluation
 from pipeline.detection import load_detector
 from pipeline.errors import InputError
-from pipeline.evaluation.boxes import FoundBoxes, found_boxes, true_boxes
 from pipeline.evaluation.cache import Cache
-from pipeline.evaluation.dataset import DataSet, require_aspect, sha256_of_file
+from pipeline.evaluation.dataset import require_aspect, sha256_of_file
 from pipeline.evaluation.examples import Example, examples
 from pipeline.evaluation.faults import FaultLog
-from pipeline.evaluation.grid import Execute, Grid, Progress, plan_grid, run_grid
-from pipeline.evaluation.lrp import lrp_curve, optimal_lrp
-from pipeline.evaluation.matching import match
+from pipeline.evaluation.grid import Execute, Progress, plan_grid, run_grid
+from pipeline.evaluation.grid_results import GridResults, cells_of, threshold_of
 from pipeline.evaluation.own_folder import CACHE, check_evaluation_directory, evaluation_directory
 from pipeline.evaluation.pool_file import write_pool
 from pipeline.evaluation.precision import in_precision
@@ -27,15 +23,11 @@ from pipeline.evaluation.provenance import provenance
 from pipeline.evaluation.read import read_datasets
 from pipeline.evaluation.report import render_report, report_figures
 from pipeline.evaluation.results import DetectorFile, Results
-from pipeline.evaluation.sample import cells_of, found_in, looked_at, sample_of
 from pipeline.evaluation.setup_timing import SetupTiming
 from pipeline.evaluation.tables import cells_csv, times_csv
 from pipeline.evaluation.timings import timings_of
-from pipeline.evaluation.unit import Condition, Model, UnitResult
+from pipeline.evaluation.unit import Model
 from pipeline.outputs.safe_write import write_bytes, write_text
-
-_PERSON = 1
-_Results = dict[tuple[str, Condition], UnitResult]
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +50,7 @@ def evaluate(
     started = time.perf_counter()
     evaluation = load_evaluation(path)
     check_evaluation_directory(out)
+    _check_detectors(evaluation)
     faults = FaultLog(evaluation.faults)
     dataset = read_datasets(evaluation, faults)
     if evaluation.transcoding is not None:
@@ -70,68 +63,69 @@ def evaluate(
             say(f"{codec} is not measured: this build of FFmpeg lacks it")
         timings = timings_of(evaluation, grid, models, out / CACHE / "times", progress)
         keep = evaluation.transcoding is not None and evaluation.transcoding.keep_streams
-        found = run_grid(grid, dataset, Cache(out / CACHE), faults, execute, progress, keep, spent)
+        by_unit = run_grid(grid, dataset, Cache(out / CACHE), faults, execute, progress, keep, spent)
         for line in faults.lines():
             say(line)
-        results, shown = _measured(
-            path, evaluation, dataset, grid, models, timings, found, faults, spent, progress
-        )
-        return _written(out, results, shown, progress)
+        found = GridResults(evaluation, dataset, grid, by_unit)
+        return _finish(path, out, found, models, timings, faults, spent, progress)
+
+
+def _check_detectors(evaluation: Evaluation) -> None:
+    """Open every detector once as every setup would, before anything is written."""
+    providers = {setup.provider for setup in evaluation.timing.setups} if evaluation.timing else {"cpu"}
+    for detector in evaluation.detectors:
+        for provider in providers:
+            load_detector(detector.model, score_threshold=evaluation.score_cutoff, provider=provider)
+        if detector.card is not None and not detector.card.is_file():
+            raise InputError(detector.card, "no file", "the detector's data sheet, or no card")
 
 
 def _models(evaluation: Evaluation, out: Path) -> tuple[Model, ...]:
-    """The detectors, opened once to see that they can be. Accuracy is that of the first setup's provider."""
+    """The detectors in their precision. Accuracy is measured with the first setup's provider."""
     provider = evaluation.timing.setups[0].provider if evaluation.timing else "cpu"
-    models = []
-    for detector in evaluation.detectors:
-        file = in_precision(detector, out / "models")
-        for setup in evaluation.timing.setups if evaluation.timing else ():
-            load_detector(file, score_threshold=evaluation.score_cutoff, provider=setup.provider)
-        load_detector(file, score_threshold=evaluation.score_cutoff, provider=provider)
-        if detector.card is not None and not detector.card.is_file():
-            raise InputError(detector.card, "no file", "the detector's data sheet, or no card")
-        models.append(Model(detector.id, file, sha256_of_file(file), provider))
-    return tuple(models)
+    files = [(d.id, in_precision(d, out / "models")) for d in evaluation.detectors]
+    return tuple(Model(name, file, sha256_of_file(file), provider) for name, file in files)
 
 
-def _measured(
+def _finish(
     path: Path,
-    evaluation: Evaluation,
-    dataset: DataSet,
-    grid: Grid,
+    out: Path,
+    found: GridResults,
     models: tuple[Model, ...],
     timings: tuple[SetupTiming, ...],
-    found: _Results,
     faults: FaultLog,
     spent: dict[str, float],
     progress: Progress,
-) -> tuple[Results, list[Example]]:
+) -> Finished:
     started = time.perf_counter()
-    cells = cells_of(evaluation, dataset, grid, found, progress)
-    thresholds = {m.id: _threshold(evaluation, dataset, grid, found, m.id) for m in models}
-    shown = examples(grid, dataset, models[-1], thresholds[models[-1].id])
+    cells = cells_of(found, progress)
+    detectors = tuple(
+        _detector_file(found, d, m) for d, m in zip(found.evaluation.detectors, models, strict=True)
+    )
+    shown = examples(found.grid, found.dataset, models[-1], detectors[-1].score_threshold)
     spent["metrics"] = time.perf_counter() - started
     results = Results(
-        name=evaluation.name,
-        metric=evaluation.pool.metric,
-        codec=evaluation.pool.codec,
-        score_cutoff=evaluation.score_cutoff,
-        detectors=tuple(
-            DetectorFile(
-                id=d.id,
-                model=str(m.path),
-                card=None if d.card is None else str(d.card),
-                sha256=m.sha256,
-                precision=d.precision,
-                score_threshold=thresholds[d.id],
-            )
-            for d, m in zip(evaluation.detectors, models, strict=True)
-        ),
+        name=found.evaluation.name,
+        metric=found.evaluation.pool.metric,
+        codec=found.evaluation.pool.codec,
+        score_cutoff=found.evaluation.score_cutoff,
+        detectors=detectors,
         cells=cells,
         timings=timings,
-        provenance=provenance(path, evaluation, dataset, grid, faults, _seconds(found), spent),
+        provenance=provenance(path, found, faults, spent),
     )
-    return results, shown
+    return _written(out, results, shown, progress)
+
+
+def _detector_file(found: GridResults, detector: EvaluatedDetector, model: Model) -> DetectorFile:
+    return DetectorFile(
+        id=detector.id,
+        model=str(model.path),
+        card=None if detector.card is None else str(detector.card),
+        sha256=model.sha256,
+        precision=detector.precision,
+        score_threshold=threshold_of(found, detector.id),
+    )
 
 
 def _written(out: Path, results: Results, shown: list[Example], progress: Progress) -> Finished:
@@ -149,36 +143,3 @@ def _written(out: Path, results: Results, shown: list[Example], progress: Progre
     write_text(out / "report.html", render_report(results, figures))
     progress("report", 1, 1, "")
     return Finished(out / "report.html", pool, results)
-
-
-def _threshold(evaluation: Evaluation, dataset: DataSet, grid: Grid, found: _Results, detector: str) -> float:
-    """The score where LRP is least over all conditions together, never below the cut-off; two decimals."""
-    pictures = looked_at(grid)
-    sample = sample_of(evaluation, dataset, pictures)
-    count, t = len(grid.conditions), sample.truth
-    true = true_boxes(
-        np.concatenate([t.image + k * sample.images for k in range(count)]),
-        np.tile(t.category, count),
-        np.tile(t.bbox, (count, 1)),
-        np.tile(t.area, count),
-        np.tile(t.crowd, count),
-    )
-    parts: list[FoundBoxes] = []
-    for k, condition in enumerate(grid.conditions):
-        own = found_in([found[q.name, condition] for q in dataset.sequences], detector, pictures)
-        parts.append(found_boxes(own.image + k * sample.images, own.category, own.bbox, own.score))
-    columns = [
-        np.concatenate([getattr(p, name) for p in parts]) for name in ("image", "category", "bbox", "score")
-    ]
-    best = optimal_lrp(lrp_curve(match(true, found_boxes(*columns), "all", np.array([0.5])), _PERSON))
-    return round(min(max(best.threshold, evaluation.score_cutoff), 1.0), 2)
-
-
-def _seconds(found: _Results) -> dict[str, float]:
-    """What the grid's cells took, by part."""
-    spent: dict[str, float] = {}
-    for result in found.values():
-        parts = result.seconds | {"detect": sum(f.detect_s for f in result.found.values())}
-        for part, seconds in parts.items():
-            spent[part] = spent.get(part, 0.0) + seconds
-    return spent

@@ -15,8 +15,8 @@ from pipeline.evaluation import grid as grid_module
 from pipeline.evaluation.cache import Cache
 from pipeline.evaluation.faults import FaultLog
 from pipeline.evaluation.grid import in_processes, plan_grid, run_grid
+from pipeline.evaluation.grid_results import GridResults, cells_of, threshold_of
 from pipeline.evaluation.read import read_datasets
-from pipeline.evaluation.sample import cells_of
 from pipeline.evaluation.unit import Found, Model, UnitResult
 
 NANO = Path(__file__).parents[3] / "configs/detectors/nano.onnx"
@@ -148,7 +148,9 @@ def test_processes_give_what_one_process_gives(planned):
 
 def test_cells_hold_the_bitrate_obtained_and_the_largest_packet(planned, tmp_path):
     asked, dataset, grid = planned
-    cells = cells_of(asked, dataset, grid, run(planned, Cache(tmp_path / "c"), result), lambda *_: None)
+    found = GridResults(asked, dataset, grid, run(planned, Cache(tmp_path / "c"), result))
+    cells = cells_of(found, lambda *_: None)
+    assert threshold_of(found, "nano") == 1.0  # best to report nothing
     assert len(cells) == 5
     frames = sum(len(u.kept) for u in grid.units if u.condition == grid.conditions[1])
     assert cells[1].obtained_bps == pytest.approx(8 * 2 * 1000 / (frames / 30.0))
