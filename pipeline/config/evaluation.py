@@ -58,7 +58,8 @@ class Transcoding(Strict):
     """The paper's grid: one pass, fastest preset, as the missions encode.
 
     width, height, frame_rate: of what is encoded. keyframe_interval: at most so long between pictures that
-    stand alone.
+    stand alone. keep_streams: in the output's cache, so that a detector that comes later needs no encoding;
+    they take as much room as their bitrates say.
     """
 
     codecs: tuple[Codec, ...] = Field(min_length=1)
@@ -139,7 +140,8 @@ class Evaluation(Strict):
 
     categories: names in the data sets that count as a person; others are left out. visible_min: people less
     visible are ignore regions, where the data set knows. sample_rate: of the pictures that are looked at.
-    score_cutoff: detections below it are not kept; the paper's networks have 0.3.
+    score_cutoff: detections below it are not kept; the paper's networks have 0.3. Accuracy is measured once,
+    on one thread of the first setup's provider: more threads change times alone.
     """
 
     name: str = Field(pattern=_ID)

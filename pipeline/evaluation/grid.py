@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import multiprocessing
+import os
 import signal
+import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -174,7 +176,7 @@ def _in_processes(workers: int, units: list[Unit]) -> Iterator[tuple[Unit, UnitR
             yield unit, work(unit)
         return
     context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(workers, context, initializer=_leave_interrupts_to_the_parent)
+    pool = ProcessPoolExecutor(workers, context, initializer=_obey_the_parent)
     try:
         waiting: dict[Future[UnitResult], Unit] = {pool.submit(work, unit): unit for unit in units}
         while waiting:
@@ -195,5 +197,14 @@ def _in_processes(workers: int, units: list[Unit]) -> Iterator[tuple[Unit, UnitR
         pool.shutdown(wait=True, cancel_futures=True)
 
 
-def _leave_interrupts_to_the_parent() -> None:
+def _obey_the_parent() -> None:
+    """Interrupts are the parent's to handle; when it dies, whatever the way, its workers end too."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)

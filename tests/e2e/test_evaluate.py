@@ -179,6 +179,18 @@ def test_an_interrupted_evaluation_says_how_it_goes_on(small_mission, tmp_path, 
     assert "no pool: it needs timing" in capsys.readouterr().err
 
 
+def children(pid: int) -> list[int]:
+    processes = (int(folder.name) for folder in Path("/proc").glob("[0-9]*"))
+    return [process for process in processes if parent_of(process) == pid]
+
+
+def parent_of(pid: int) -> int | None:
+    try:
+        return int(Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[1])
+    except OSError:
+        return None
+
+
 @pytest.mark.slow
 def test_a_real_interrupt_keeps_what_is_finished_and_a_second_run_at_once_is_refused(small_mission, tmp_path):
     bitrates = [{"kbps": 100 * k} for k in range(1, 13)]
@@ -204,6 +216,17 @@ def test_a_real_interrupt_keeps_what_is_finished_and_a_second_run_at_once_is_ref
     assert "Traceback" not in said
     before = {p: p.stat().st_mtime_ns for p in out.glob("cache/found/*.npz")}
     assert len(before) < 26
+    killed = subprocess.Popen(command, cwd=ROOT, stderr=subprocess.DEVNULL)
+    while not list(out.glob("cache/streams/.*.part")):
+        assert killed.poll() is None
+        time.sleep(0.05)
+    workers = children(killed.pid)
+    killed.kill()
+    killed.wait()
+    deadline = time.monotonic() + 20
+    while any(Path(f"/proc/{pid}").exists() for pid in workers):
+        assert time.monotonic() < deadline, "a worker outlives its parent"
+        time.sleep(0.1)
     last = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert last.returncode == 0, last.stderr
     after = {p: p.stat().st_mtime_ns for p in out.glob("cache/found/*.npz")}
