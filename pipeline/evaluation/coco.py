@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from pipeline.errors import InputError
 from pipeline.evaluation.boxes import true_boxes
+from pipeline.evaluation.coco_format import CocoDocument, CocoImage, parsed, validated
 from pipeline.evaluation.context import expected_person_px
 from pipeline.evaluation.dataset import DataSet, Picture, Sequence, sha256_of_file, sha256_of_texts
 from pipeline.evaluation.faults import FaultLog
@@ -21,64 +20,7 @@ from pipeline.video.source import open_video
 
 #: a box may reach so far out of its picture: annotation tools round outwards
 _EDGE_PX = 1.0
-_Finite = Annotated[float, Field(allow_inf_nan=False)]
 _PERSON = 1
-
-
-class _Lenient(BaseModel):
-    """COCO files carry much that we do not read."""
-
-    model_config = ConfigDict(extra="ignore", frozen=True)
-
-
-class _Context(_Lenient):
-    """From where a picture was taken: metres above ground, pitch of the camera (negative is down)."""
-
-    height_m: _Finite
-    pitch_deg: _Finite
-    focal_px: Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
-
-
-class _Image(_Lenient):
-    """file_name: an image file, or VIDEO#FRAME. video_id, frame_id: of an image file in a sequence."""
-
-    id: int
-    file_name: str = Field(min_length=1)
-    width: int = Field(gt=0)
-    height: int = Field(gt=0)
-    video_id: int | None = None
-    frame_id: int | None = None
-    context: _Context | None = None
-
-
-class _Annotation(_Lenient):
-    """visible_share: what is visible of the object, 0..1."""
-
-    id: int
-    image_id: int
-    category_id: int
-    bbox: tuple[float, float, float, float]
-    area: _Finite | None = None
-    iscrowd: int = 0
-    ignore: int = 0
-    visible_share: _Finite = 1.0
-
-
-class _Category(_Lenient):
-    id: int
-    name: str
-
-
-class _Video(_Lenient):
-    id: int
-    name: str
-
-
-class _Coco(_Lenient):
-    images: tuple[_Image, ...]
-    annotations: tuple[_Annotation, ...]
-    categories: tuple[_Category, ...]
-    videos: tuple[_Video, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +38,7 @@ class CocoOptions:
 class _Place:
     """A listed picture: which sequence, which frame of it, which file."""
 
-    image: _Image
+    image: CocoImage
     sequence: str
     frame: int
     file: Path
@@ -105,22 +47,12 @@ class _Place:
 
 def read_coco(path: Path, options: CocoOptions, faults: FaultLog) -> DataSet:
     """The data set of a COCO JSON file. Raises InputError for what cannot be read, or is refused."""
-    return dataset_of(_parsed(path), path, options, faults, sha256_of_file(path))
-
-
-def _parsed(path: Path) -> Any:
-    try:
-        return json.loads(path.read_bytes())
-    except FileNotFoundError:
-        raise InputError(path, "no file", "a COCO JSON file") from None
-    except (OSError, ValueError, RecursionError) as error:
-        reason = str(error).splitlines()[0][:120]
-        raise InputError(path, f"a file that is not JSON ({reason})", "a COCO JSON file") from None
+    return dataset_of(parsed(path), path, options, faults, sha256_of_file(path))
 
 
 def dataset_of(document: Any, where: Path, options: CocoOptions, faults: FaultLog, sha256: str) -> DataSet:
     """The data set of a COCO document. where: for messages. sha256: of the annotations."""
-    coco = _validated(document, where)
+    coco = validated(document, where)
     images = _unique(coco.images, where, "images", faults)
     places = _places(list(images.values()), coco, where, options, faults)
     places.sort(key=lambda p: (p.sequence, p.frame))
@@ -132,16 +64,6 @@ def dataset_of(document: Any, where: Path, options: CocoOptions, faults: FaultLo
     sequences = tuple(replace(q, sha256=_sha256_of_files(q)) for q in sequences)
     digest = sha256_of_texts([sha256, *(q.sha256 for q in sequences)])
     return DataSet(pictures, sequences, truth, digest, options.simulated)
-
-
-def _validated(document: Any, where: Path) -> _Coco:
-    try:
-        return _Coco.model_validate(document)
-    except ValidationError as error:
-        fault = error.errors(include_url=False)[0]
-        field = ".".join(str(key) for key in fault["loc"])
-        found = "nothing" if fault["type"] == "missing" else repr(fault["input"])[:60]
-        raise InputError(f"{where} {field}".rstrip(), found, fault["msg"]) from None
 
 
 def _unique(rows: tuple[Any, ...], where: Path, kind: str, faults: FaultLog) -> dict[int, Any]:
@@ -156,7 +78,7 @@ def _unique(rows: tuple[Any, ...], where: Path, kind: str, faults: FaultLog) -> 
 
 
 def _places(
-    images: list[_Image], coco: _Coco, where: Path, options: CocoOptions, faults: FaultLog
+    images: list[CocoImage], coco: CocoDocument, where: Path, options: CocoOptions, faults: FaultLog
 ) -> list[_Place]:
     videos = {v.id: v.name for v in coco.videos}
     places, missing = [], set()
@@ -173,7 +95,7 @@ def _places(
     return places
 
 
-def _place(image: _Image, videos: dict[int, str], where: Path, options: CocoOptions) -> _Place:
+def _place(image: CocoImage, videos: dict[int, str], where: Path, options: CocoOptions) -> _Place:
     name, mark, frame = image.file_name.rpartition("#")
     if mark and frame.isdigit():
         return _Place(image, Path(name).stem, int(frame), options.root / name, True)
@@ -278,8 +200,8 @@ def _check_frame_count(sequence: Sequence, frames: list[int], where: Path, fault
 
 
 def _truth(
-    coco: _Coco,
-    images: dict[int, _Image],
+    coco: CocoDocument,
+    images: dict[int, CocoImage],
     number: dict[int, int],
     where: Path,
     options: CocoOptions,
@@ -308,7 +230,7 @@ def _truth(
     return true_boxes(*zip(*rows, strict=True)) if rows else true_boxes([], [], [])
 
 
-def _person_ids(coco: _Coco, where: Path, options: CocoOptions) -> set[int]:
+def _person_ids(coco: CocoDocument, where: Path, options: CocoOptions) -> set[int]:
     ids = {c.id for c in coco.categories if c.name in options.categories}
     if not ids:
         names = ", ".join(c.name for c in coco.categories)
