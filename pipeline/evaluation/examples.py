@@ -30,11 +30,10 @@ class Example:
 
 
 def examples(grid: Grid, dataset: DataSet, model: Model, score_threshold: float) -> list[Example]:
-    """The picture with most people among the early ones of the first sequence: as it is, then by codec."""
+    """The picture with most people among the early ones of all sequences: as it is, then by codec."""
     lowest = {c.codec: c for c in sorted(grid.conditions, key=lambda c: -(c.bitrate_bps or 0.0))}
-    name = grid.units[0].sequence
+    name, frame = _chosen(grid, dataset)
     units = [u for c in lowest.values() for u in grid.units if u.sequence == name and u.condition == c]
-    frame = _chosen_frame(units[0], dataset)
     detector = load_detector(model.path, score_threshold=score_threshold, provider=model.provider)
     found = []
     for unit in units:
@@ -46,12 +45,13 @@ def examples(grid: Grid, dataset: DataSet, model: Model, score_threshold: float)
     return sorted(found, key=lambda e: e.codec is not None)
 
 
-def _chosen_frame(unit: Unit, dataset: DataSet) -> int:
-    early = [f for f in unit.looked if _EARLIEST_S <= f / unit.frame_rate_hz <= _LATEST_S] or list(
-        unit.looked
-    )
+def _chosen(grid: Grid, dataset: DataSet) -> tuple[str, int]:
+    """Sequence and frame."""
     people = np.bincount(dataset.truth.image[~dataset.truth.crowd], minlength=len(dataset.pictures))
-    return max(early, key=lambda f: (int(people[unit.looked[f]]), -f))
+    frames = [(u, f) for u in grid.units if u.condition.codec is None for f in u.looked]
+    early = [(u, f) for u, f in frames if _EARLIEST_S <= f / u.frame_rate_hz <= _LATEST_S] or frames
+    unit, frame = max(early, key=lambda pair: (int(people[pair[0].looked[pair[1]]]), -pair[1]))
+    return unit.sequence, frame
 
 
 def _true_boxes(dataset: DataSet, unit: Unit, picture: int) -> FloatArray:

@@ -121,7 +121,8 @@ def _lines(axes: Axes, results: Results, value: _Value, band: Metric | None, mar
             hollow = [mark_cutoff and c.figures.at_cutoff for c in cells]
             faces = ["white" if h else color for h in hollow]
             axes.scatter(x, y, s=20, marker=marker, c=faces, edgecolors=color, linewidths=1.0, zorder=3)  # type: ignore[arg-type]
-            if band is not None:
+            # one codec's band is enough: those of the others lie on it
+            if band is not None and codec == results.codec:
                 _band(axes, cells, band, color)
 
 

@@ -24,7 +24,7 @@ from pipeline.evaluation.pictures import (
     time_picture,
 )
 from pipeline.evaluation.results import Results
-from pipeline.evaluation.shapes import shapes
+from pipeline.evaluation.shapes import missed_targets, shapes
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,8 +48,9 @@ def _drawn(results: Results, examples: list[Example]) -> Iterator[tuple[str, str
         yield (
             "accuracy",
             "Accuracy against bitrate",
-            "One colour for each detector, one line for each codec. Shaded: 95 % intervals, bootstrap over "
-            "sequences.",
+            "One colour for each detector, one line for each codec. Shaded: 95 % intervals under "
+            f"{CODEC_NAMES[results.codec]}, bootstrap over sequences. Bitrates are those asked for"
+            + (f"; obtained, in kbps: {', '.join(missed)}." if (missed := missed_targets(results)) else "."),
             accuracy_picture(results),
         )
         yield (
