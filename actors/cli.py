@@ -15,12 +15,14 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from actors.commands import allocate
+from actors.commands import allocate, evaluate, pool
 from pipeline.errors import InputError, SearchlightError
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, help=__doc__)
 app.command()(allocate.allocate)
 console = Console(stderr=True)
+evaluate.register(app)
+pool.register(app)
 
 
 class Pace(StrEnum):
