@@ -180,7 +180,7 @@ def _print_people(summary) -> None:  # type: ignore[no-untyped-def]
 
     table = Table(title=verdict(summary.locations, summary.match))
     distance = {} if summary.match is None else summary.match.distance_m
-    for column in ("place", "prob.", "latitude", "longitude", "seen from", "to", "off by"):
+    for column in ("place", "prob.", "latitude", "longitude", "± m (95 %)", "seen from", "to", "off by"):
         table.add_column(column, justify="right", no_wrap=True)
     for place in summary.locations:
         known = (
@@ -195,6 +195,7 @@ def _print_people(summary) -> None:  # type: ignore[no-untyped-def]
             f"{place.probability:.2f}",
             f"{place.latitude_deg:.7f}",
             f"{place.longitude_deg:.7f}",
+            f"{place.error.semi_major_m:.2f}",
             clock_utc(place.first_seen_ns),
             clock_utc(place.last_seen_ns),
             known,

@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
 from pipeline.config.base import Strict, load, mismatch, refuse_repeated
-from pipeline.config.units import Bitrate, Hertz, Meters, PositiveMeters, PositiveSeconds, Seconds
+from pipeline.config.units import (
+    Bitrate,
+    Hertz,
+    Meters,
+    NonNegativeMeters,
+    NonNegativePixels,
+    NonNegativeRadians,
+    PositiveMeters,
+    PositiveSeconds,
+    Seconds,
+)
 
 Fraction = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
 HalfFraction = Annotated[float, Field(ge=0.0, le=0.5, allow_inf_nan=False)]
@@ -90,6 +101,30 @@ class ObjectSize(Strict):
         return self
 
 
+class Uncertainty(Strict):
+    """Standard deviations of everything that a place is computed from; its error ellipse follows from them.
+
+    Biases are the same for all looks of a stream, so that no number of looks averages them away; noise
+    wanders with the correlation time. position: each horizontal axis; height: the vertical one; attitude:
+    each of yaw, pitch and roll. box: the centre of a box in a picture. terrain: height of the surface about
+    a place. body: the middle of a person from the middle of the boxes, which posture and cover move.
+
+    The defaults are those of a drone with plain satellite positioning: open-sky receivers state 1.5 m within
+    which half of the positions lie (1.5 m / 1.177 on each axis) and heights half as good again; compasses and
+    gimbals are good to a degree. With RTK a mission should say so.
+    """
+
+    position_bias: NonNegativeMeters = 1.3
+    height_bias: NonNegativeMeters = 2.0
+    attitude_bias: NonNegativeRadians = math.radians(1.0)
+    position_noise: NonNegativeMeters = 0.1
+    attitude_noise: NonNegativeRadians = math.radians(0.2)
+    correlation_time: PositiveSeconds = 2.0
+    box: NonNegativePixels = 2.0
+    terrain: NonNegativeMeters = 0.25
+    body: NonNegativeMeters = 0.12
+
+
 class Fusion(Strict):
     """The sensor model and the salient locations (the paper's section 'Detection fusion')."""
 
@@ -104,6 +139,7 @@ class Fusion(Strict):
     clamp_min: float = Field(default=0.1192, ge=0.0, lt=0.5)
     clamp_max: float = Field(default=0.971, gt=0.5, le=1.0)
     lateness: PositiveSeconds
+    uncertainty: Uncertainty = Uncertainty()
 
     @model_validator(mode="after")
     def _threshold_can_be_reached(self) -> Fusion:

@@ -141,6 +141,8 @@ class Fuser:
             hit,
             position,
             rays[1],
+            detections.pose.enu_from_camera,
+            1.0 / math.sqrt(camera.fx * camera.fy),
         )
 
     def _raise(self, looks: list[Look]) -> None:

@@ -26,6 +26,7 @@ from pipeline.outputs.truth import TruePerson
 #: after Okabe and Ito: apart from each other and from the probability's colours, also for the colour-blind
 TRACK_COLORS = ("#0072B2", "#009E73", "#CC79A7", "#56B4E9", "#332288", "#882255")
 _LINE_STYLES = ("-", "--", "-.", ":")
+_ELLIPSE: dict[str, Any] = {"color": "#B3123B", "lw": 1.3}
 _MARGIN_M = 8.0
 _MOST_PIXELS = 1400
 _DPI = 150
@@ -184,6 +185,8 @@ def _draw_places(axes: Axes, locations: Sequence[SalientLocation]) -> list[Line2
     for place in locations:
         east, north = place.position_enu[:2]
         axes.plot(east, north, zorder=6, **style)
+        outline = place.position_enu[:2] + place.error.outline()
+        axes.plot(*outline.T, zorder=6, **_ELLIPSE)
         axes.annotate(
             str(place.id),
             (east, north),
@@ -195,7 +198,9 @@ def _draw_places(axes: Axes, locations: Sequence[SalientLocation]) -> list[Line2
             path_effects=[patheffects.withStroke(linewidth=3.5, foreground="white")],
         )
     small = style | {"ms": 10}
-    return [Line2D([], [], ls="", label="found place, with its number", **small)] if locations else []
+    found = Line2D([], [], ls="", label="found place, with its number", **small)
+    ellipse = Line2D([], [], label="its error ellipse, 95 %", **_ELLIPSE)
+    return [found, ellipse] if locations else []
 
 
 def _draw_scale_and_north(axes: Axes) -> None:
