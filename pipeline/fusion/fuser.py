@@ -6,8 +6,7 @@ Readings taken where the paper is open:
   although their centres may project just below the box.
 - A box cut by the picture's border has neither a known size nor a known significant point: it raises nothing,
   and what lies behind it is still not lowered.
-- There is one map, of persons: which classes are persons is the detector's business, and class ids are not
-  looked at.
+- What lies behind a box is not observed, whatever the box's class; a class without a layer raises nothing.
 """
 
 from __future__ import annotations
@@ -15,8 +14,10 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Mapping
+from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.config.mission import Fusion
 from pipeline.errors import InputError
@@ -35,7 +36,8 @@ _BORDER_PX = 2.0
 class Fuser:
     """Raises the voxels of detections and lowers those seen without one.
 
-    map: its VoxelMap. looks: the detections that raised it, in order. refused: bad input by reason, which
+    maps: a VoxelMap per class name; map: that of persons. looks: the detections that raised them, in order.
+    refused: bad input by reason, which
     left the map as it was. unplaced: good boxes without a valid voxel or with an impossible size, by reason;
     they raised nothing.
     """
@@ -46,18 +48,30 @@ class Fuser:
         params: Fusion,
         cameras: Mapping[str, Camera],
         relative_accuracy: Mapping[str, float],
+        folder: Path | None = None,
     ) -> None:
-        """cameras: by stream. relative_accuracy: p_det^rel in 0..1 by detector, else InputError."""
+        """cameras: by stream. relative_accuracy: p_det^rel in 0..1 by detector, else InputError.
+
+        folder: where the maps may put what does not fit into memory.
+        """
         for detector, accuracy in relative_accuracy.items():
             if not 0.0 <= accuracy <= 1.0:
                 raise InputError(f"relative accuracy of {detector}", f"{accuracy:g}", "a number in 0..1")
-        self.map = VoxelMap(terrain, params.clamp_min, params.clamp_max)
+        self._classes = {c.id: c for c in params.classes}
+        self.maps = {
+            c.name: VoxelMap(terrain, params.clamp_min, params.clamp_max, folder) for c in params.classes
+        }
+        self.map = self.maps[params.classes[0].name]
         self.looks: list[Look] = []
         self.refused: Counter[str] = Counter()
         self.unplaced: Counter[str] = Counter()
         self._terrain, self._params = terrain, params
         self._cameras, self._p_detector = dict(cameras), dict(relative_accuracy)
-        self._models = {stream: SensorModel(camera, params) for stream, camera in cameras.items()}
+        self._models = {
+            (stream, c.name): SensorModel(camera, params, c)
+            for stream, camera in cameras.items()
+            for c in params.classes
+        }
 
     def apply(self, detections: Detections) -> None:
         """Apply one frame's result: first what it raises, then what it lowers.
@@ -72,8 +86,10 @@ class Fuser:
         placed = [self._look(detections, i) for i in sound]
         self.unplaced.update(reason for reason in placed if isinstance(reason, str))
         looks = [look for look in placed if isinstance(look, Look)]
-        self._raise(looks)
-        self._lower(detections, detections.boxes_px[sound], looks)
+        for name, voxel_map in self.maps.items():
+            mine = [look for look in looks if look.class_name == name]
+            _raise(voxel_map, mine)
+            self._observe(voxel_map, name, detections, detections.boxes_px[sound], mine)
         self.looks += looks
 
     def _fault(self, detections: Detections) -> str | None:
@@ -85,6 +101,8 @@ class Fuser:
         n = len(detections.boxes_px)
         if detections.boxes_px.shape != (n, 4) or detections.scores.shape != (n,):
             return "boxes and scores of different number"
+        if detections.class_ids.shape != (n,):
+            return "boxes and classes of different number"
         return self._pose_fault(detections.pose)
 
     def _pose_fault(self, pose: CameraPose) -> str | None:
@@ -114,11 +132,15 @@ class Fuser:
     def _look(self, detections: Detections, i: int) -> Look | str:
         """Where box i stands and how much it says, or why it has no place."""
         box, camera = detections.boxes_px[i], self._cameras[detections.stream]
-        model, position = self._models[detections.stream], detections.pose.position_enu
+        object_class = self._classes.get(int(detections.class_ids[i]))
+        if object_class is None:
+            return "class without a layer"
         if _is_cut(box, camera):
             return "cut by the picture's border"
+        model, position = self._models[detections.stream, object_class.name], detections.pose.position_enu
         center = (box[:2] + box[2:]) / 2.0
-        significant = center if self._params.significant_point == "center" else np.array([center[0], box[3]])
+        at_center = object_class.significant_point == "center"
+        significant = center if at_center else np.array([center[0], box[3]])
         rays = camera.rays_enu(np.stack([significant, center]), detections.pose)
         hit = self._terrain.intersect(position, rays[0], model.reach_m)
         if hit is None:
@@ -129,7 +151,7 @@ class Fuser:
         score, p_detector = float(detections.scores[i]), self._p_detector[detections.detector]
         p = model.positive(box, score, math.dist(hit, position), p_detector)
         if p <= 0.5:
-            return "not the size of a person, or no trust"
+            return "not the size of its class, or no trust"
         return Look(
             detections.time_ns,
             detections.stream,
@@ -143,17 +165,19 @@ class Fuser:
             rays[1],
             detections.pose.enu_from_camera,
             1.0 / math.sqrt(camera.fx * camera.fy),
+            object_class.name,
         )
 
-    def _raise(self, looks: list[Look]) -> None:
-        """positiveUpdate of Algorithm grid_update."""
-        rows = np.array([look.row for look in looks], dtype=np.int64)
-        columns = np.array([look.column for look in looks], dtype=np.int64)
-        self.map.update(rows, columns, log_odds(np.array([look.p for look in looks], dtype=np.float64)))
-
-    def _lower(self, detections: Detections, boxes_px: FloatArray, looks: list[Look]) -> None:
+    def _observe(
+        self,
+        voxel_map: VoxelMap,
+        name: str,
+        detections: Detections,
+        boxes_px: FloatArray,
+        looks: list[Look],
+    ) -> None:
         """negativeUpdate of Algorithm grid_update."""
-        model = self._models[detections.stream]
+        model = self._models[detections.stream, name]
         rows, columns, distances = visible_cells(
             self._terrain,
             self._cameras[detections.stream],
@@ -161,13 +185,19 @@ class Fuser:
             model.max_distance_m,
             boxes_px,
         )
-        if looks:
-            free = np.ones(len(rows), dtype=bool)
-            for row, column in {(look.row, look.column) for look in looks}:
-                free &= (rows != row) | (columns != column)
-            rows, columns, distances = rows[free], columns[free], distances[free]
-        p = model.negative(distances, self._p_detector[detections.detector])
-        self.map.update(rows, columns, log_odds(p))
+        p_detector = self._p_detector[detections.detector]
+        seen = np.stack([rows, columns])
+        voxel_map.observe(seen, distances, _cells(looks), model, p_detector, detections.time_ns)
+
+
+def _cells(looks: list[Look]) -> NDArray[np.int64]:
+    """Rows and columns (2, N) of the looks' voxels."""
+    return np.array([[k.row for k in looks], [k.column for k in looks]], dtype=np.int64)
+
+
+def _raise(voxel_map: VoxelMap, looks: list[Look]) -> None:
+    """positiveUpdate of Algorithm grid_update."""
+    voxel_map.update(*_cells(looks), log_odds(np.array([look.p for look in looks], dtype=np.float64)))
 
 
 def _box_fault(box: FloatArray, score: float, camera: Camera) -> str | None:

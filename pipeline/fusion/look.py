@@ -14,6 +14,7 @@ class Look:
     intersection_enu: float64 (3,), where the ray of the significant point meets the terrain, metres.
     camera_enu: float64 (3,), metres. center_ray_enu: float64 (3,), unit direction of the box's centre.
     enu_from_camera: float64 (3, 3), the camera's attitude. pixel_rad: the angle that a pixel covers.
+    class_name: what was detected, the map's layer.
     """
 
     time_ns: int
@@ -28,3 +29,4 @@ class Look:
     center_ray_enu: FloatArray
     enu_from_camera: FloatArray
     pixel_rad: float
+    class_name: str = "person"

@@ -12,14 +12,22 @@ from rasterio.transform import from_origin
 from pipeline.fusion.voxel_map import VoxelMap
 from pipeline.outputs.safe_write import replacing
 
-BANDS = (("probability", "1"), ("log_odds", "nat"), ("observations", "count"))
+BANDS = (
+    ("probability", "1"),
+    ("log_odds", "nat"),
+    ("observations", "count"),
+    ("looks", "count"),
+    ("resolution", "pixels per person"),
+    ("pod", "1"),
+    ("unseen_for", "s"),
+)
 _TILE = 256
 
 
 def write_saliency(path: Path, voxel_map: VoxelMap) -> None:
-    """Write the map, north up, one float32 band each for probability, log-odds and number of observations.
+    """Write the map, north up, one float32 band for each of BANDS; VoxelMap says what they are.
 
-    NaN (the nodata value) where the terrain is unknown. The CRS is that of the map frame. Observations are
+    unseen_for: seconds from when a cell was last seen to the map's newest look; NaN: never seen. In all bands NaN (the nodata value) where the terrain is unknown. The CRS is that of the map frame. Observations are
     whole numbers, exact up to 2^24. The same map gives the same bytes.
     """
     bands = saliency_bands(voxel_map)
@@ -49,8 +57,10 @@ def write_saliency(path: Path, voxel_map: VoxelMap) -> None:
 
 
 def saliency_bands(voxel_map: VoxelMap) -> NDArray[np.float32]:
-    """The three bands, float32 (3, rows, columns), row 0 the north edge."""
-    known = [voxel_map.probability(), voxel_map.log_odds, voxel_map.observations]
-    bands = np.stack(known).astype(np.float32)
+    """The bands, float32 (bands, rows, columns), row 0 the north edge."""
+    seen_ns = voxel_map.last_seen_ns
+    unseen_s = np.where(seen_ns == 0, np.nan, (seen_ns.max() - seen_ns) * 1e-9)
+    layers = [voxel_map.log_odds, voxel_map.observations, voxel_map.looks, voxel_map.resolution_px]
+    bands = np.stack([voxel_map.probability(), *layers, voxel_map.pod, unseen_s]).astype(np.float32)
     bands[:, np.isnan(voxel_map.terrain.heights_m)] = np.nan
     return bands[:, ::-1]

@@ -18,8 +18,9 @@ def test_what_is_read_back_equals_the_map(search: Search, tmp_path: Path) -> Non
     known = np.isfinite(voxel_map.terrain.heights_m)
     with rasterio.open(tmp_path / "saliency.tif") as source:
         bands = source.read()[:, ::-1]
-        assert source.descriptions == ("probability", "log_odds", "observations")
-        assert source.units == ("1", "nat", "count")
+        assert source.descriptions[:3] == ("probability", "log_odds", "observations")
+        assert source.descriptions[3:] == ("looks", "resolution", "pod", "unseen_for")
+        assert source.units == ("1", "nat", "count", "count", "pixels per person", "1", "s")
         assert set(source.dtypes) == {"float32"}
         assert np.isnan(source.nodata)
         assert CRS.from_user_input(source.crs) == voxel_map.terrain.frame.crs

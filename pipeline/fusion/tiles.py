@@ -1,0 +1,89 @@
+"""Cells of a large grid in square tiles, of which only those touched take up memory or disk."""
+
+from __future__ import annotations
+
+import mmap
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+#: log2 of the cells on the side of a tile
+TILE_BITS = 8
+#: cells on the side of a tile
+TILE = 1 << TILE_BITS
+
+Window = tuple[slice, slice]
+
+
+class Tiles:
+    """A grid (rows, columns) of records that are zero until they are written.
+
+    cells: (tiles * TILE * TILE,), the tiles row by row, each tile's cells row by row. touched: bool (tile rows,
+    tile columns), which tiles may hold anything but zeros; whoever writes to cells sets it. The system gives a
+    tile memory when it is first written. With a folder the cells are a sparse file there, without a name, so
+    that the system can move tiles to disk and nothing is left behind.
+    """
+
+    def __init__(self, shape: tuple[int, int], dtype: np.dtype[Any], folder: Path | None = None) -> None:
+        self.shape = shape
+        self.touched = np.zeros((-(-shape[0] // TILE), -(-shape[1] // TILE)), dtype=np.bool_)
+        size = self.touched.size * TILE * TILE
+        self._file: mmap.mmap | None = None
+        if folder is None:
+            self.cells: NDArray[Any] = np.zeros(size, dtype=dtype)
+        else:
+            with tempfile.TemporaryFile(dir=folder) as file:
+                file.truncate(max(size, 1) * dtype.itemsize)
+                self._file = mmap.mmap(file.fileno(), 0)
+            self.cells = np.frombuffer(self._file, dtype=dtype, count=size)
+
+    def flat(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Where the cells (N,) lie in ``cells``."""
+        tile = (rows >> TILE_BITS) * self.touched.shape[1] + (columns >> TILE_BITS)
+        return (tile << 2 * TILE_BITS) + ((rows & (TILE - 1)) << TILE_BITS) + (columns & (TILE - 1))
+
+    def touch(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> None:
+        """Note that the cells (N,) are written to."""
+        self.touched[rows >> TILE_BITS, columns >> TILE_BITS] = True
+
+    def tile(self, tile_row: int, tile_column: int) -> NDArray[Any]:
+        """The records (TILE, TILE) of one tile; a view."""
+        first = (tile_row * self.touched.shape[1] + tile_column) * TILE * TILE
+        return self.cells[first : first + TILE * TILE].reshape(TILE, TILE)
+
+    def touched_tiles(self) -> Iterator[tuple[int, int]]:
+        """Tile row and column of every touched tile, row by row."""
+        for tile_row, tile_column in np.argwhere(self.touched):
+            yield int(tile_row), int(tile_column)
+
+    def part(self, field: str, window: Window) -> NDArray[Any]:
+        """One field of the cells in a window, (rows, columns); a copy."""
+        rows, columns = (range(*side.indices(n)) for side, n in zip(window, self.shape, strict=True))
+        result = np.zeros((len(rows), len(columns)), dtype=self.cells.dtype[field])
+        for tile_row in _tiles(rows):
+            for tile_column in _tiles(columns):
+                if self.touched[tile_row, tile_column]:
+                    mine, its = _overlap(rows, tile_row), _overlap(columns, tile_column)
+                    result[mine[0], its[0]] = self.tile(tile_row, tile_column)[field][mine[1], its[1]]
+        return result
+
+    def evict(self) -> None:
+        """Give the memory of all tiles back to the system; their records stay, on disk. Needs a folder."""
+        if self._file is not None:
+            self._file.flush()
+            self._file.madvise(mmap.MADV_DONTNEED)
+
+
+def _tiles(cells: range) -> range:
+    return range(cells.start >> TILE_BITS, -(-cells.stop >> TILE_BITS) if len(cells) else 0)
+
+
+def _overlap(cells: range, tile: int) -> tuple[slice, slice]:
+    """The part of the cells that lies in a tile: counted from the cells' first, and from the tile's."""
+    first, last = max(cells.start, tile << TILE_BITS), min(cells.stop, (tile + 1) << TILE_BITS)
+    origin = tile << TILE_BITS
+    return slice(first - cells.start, last - cells.start), slice(first - origin, last - origin)
