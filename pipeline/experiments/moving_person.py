@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
@@ -20,6 +22,7 @@ from pipeline.experiments.detection_cache import Progress, detections_of
 from pipeline.experiments.experiment_report import Experiment, Measure
 from pipeline.experiments.refusion import fuse_again
 from pipeline.fusion.fuser import Fuser
+from pipeline.geo.terrain import Terrain
 from pipeline.messages import Detections, FloatArray
 from pipeline.outputs.truth import TruePerson, load_truth
 from pipeline.preflight import PreparedMission, prepare
@@ -29,9 +32,9 @@ from pipeline.simulation.people import Person
 from pipeline.simulation.places import exposure
 from pipeline.simulation.rehearsal import Rehearsal, rehearse
 from pipeline.simulation.scene import clear_of
+from pipeline.video.source import read_frames
 
 NEGATIVE_MAX = (0.05, 0.5)
-SPEED_MPS = 1.0
 _GONE = 0.5
 _STRAIGHT_M = 1e6
 _PICTURE_TIMES_S = (4.0, 8.0, 12.0)
@@ -67,8 +70,8 @@ def moving_person(scenario: Path, out: Path, progress: Progress) -> Experiment:
     pictures = {"maps": _maps_picture(prepared, trails, truth), "age": _age_picture(trails)}
     seen = sum(len(result.scores) > 0 for result in results)
     text = (
-        f"A drone hovers 15 m above the ground, its camera 45 degrees down; a person walks from left to right "
-        f"at {SPEED_MPS:g} m/s. {seen} of {len(results)} frames, {_rate(results):.0f} a second, have a "
+        f"A drone hovers 15 m above the ground, its camera 45 degrees down; a person walks from left to right. "
+        f"{seen} of {len(results)} frames, {_rate(results):.0f} a second, have a "
         "detection. A cell's age is the time since a detection last raised it; it is gone when its "
         "probability is one half or less."
     )
@@ -78,9 +81,9 @@ def moving_person(scenario: Path, out: Path, progress: Progress) -> Experiment:
 def _measures(slow: Trail, fast: Trail) -> list[Measure]:
     share = slow.alive / slow.left if slow.left else 0.0
     return [
-        Measure("oldest trail with p_negative_max 0.5", float(fast.age_s.max()), "s", "rapidly removed", "<=", 1.0),
-        Measure("oldest trail with p_negative_max 0.05", float(slow.age_s.max()), "s", "a trail", ">=", 5.0),
-        Measure("cells left 5 s ago that still stand, 0.05", share, "", "", ">=", 0.5),
+        Measure("oldest trail, p_negative_max 0.5", float(fast.age_s.max()), "s", "removed rapidly", "<=", 1.0),
+        Measure("oldest trail, p_negative_max 0.05", float(slow.age_s.max()), "s", "a trail", ">=", 5.0),
+        Measure("share of the cells left 5 s ago that still stand, 0.05", share, "", "", ">=", 0.5),
         Measure("median lifetime of a cell, 0.05", float(np.median(slow.lifetime_s)), "s", ""),
         Measure("median lifetime of a cell, 0.5", float(np.median(fast.lifetime_s)), "s", ""),
     ]
@@ -90,7 +93,8 @@ def _with_walker(path: Path) -> Rehearsal:
     """The scenario with one person who crosses the picture where nothing is in the way."""
     scenario = load_scenario(path)
     empty = rehearse(scenario, ())
-    length_m = SPEED_MPS * scenario.flight.longest
+    speed_mps = scenario.people.walking_speed
+    length_m = speed_mps * scenario.flight.longest
     best, best_share = None, 0.0
     for north in np.arange(-6.0, 6.1, 0.5):
         way = [(float(east), float(north)) for east in np.linspace(-length_m / 2.0, length_m / 2.0, 9)]
@@ -100,7 +104,7 @@ def _with_walker(path: Path) -> Rehearsal:
         share = float(np.mean([exposure(p, empty.scene, scenario.flight)[1] for p in stands]))
         if share > best_share:
             start = way[0]
-            best = Person(0, MISSION_MODELS[1], *start, math.pi / 2.0, SPEED_MPS, _STRAIGHT_M)
+            best = Person(0, MISSION_MODELS[1], *start, math.pi / 2.0, speed_mps, _STRAIGHT_M)
             best_share = share
     if best is None:
         raise InputError(f"{path} seed", "a place without a free straight way", "another seed")
@@ -153,30 +157,42 @@ def _rate(results: list[Detections]) -> float:
 def _maps_picture(
     prepared: PreparedMission, trails: list[Trail], truth: tuple[TruePerson, ...]
 ) -> Figure:
-    terrain = prepared.terrain
-    extent = (
-        terrain.east_m,
-        terrain.east_m + terrain.shape[1] * terrain.cell_m,
-        terrain.north_m,
-        terrain.north_m + terrain.shape[0] * terrain.cell_m,
-    )
-    figure = Figure(figsize=(11, 5.2), dpi=110, layout="constrained")
-    axes = figure.subplots(len(trails), len(_PICTURE_TIMES_S), sharex=True, sharey=True)
+    """The picture of the drone at some times, and below it the map of each trail at the same times."""
+    columns = len(_PICTURE_TIMES_S)
+    figure = Figure(figsize=(11, 6.4), dpi=110, layout="constrained")
+    axes = figure.subplots(1 + len(trails), columns, height_ratios=[1.6, 1.0, 1.0])
+    _draw_frames(axes[0], prepared)
     track = truth[0].track_enu
-    middle = float(track[:, 1].mean())
-    for row, trail in zip(axes, trails, strict=True):
+    east, north = (track[:, 0].min() - 2.0, track[:, 0].max() + 2.0), float(track[:, 1].mean())
+    for row, trail in zip(axes[1:], trails, strict=True):
         for one, time_s, probability in zip(row, _PICTURE_TIMES_S, trail.maps, strict=True):
             shown = one.imshow(
-                probability, origin="lower", extent=extent, vmin=0.0, vmax=1.0, interpolation="nearest"
-            )
+                probability, origin="lower", extent=_extent(prepared.terrain), vmin=0.0, vmax=1.0,
+                interpolation="nearest",
+            )  # fmt: skip
             now = track[min(round(2.0 * time_s), len(track) - 1)]  # the truth has a point every half second
-            one.plot(*now, "x", color="#D55E00", ms=9, mew=2.5)
-            one.set(xlim=(-11, 11), ylim=(middle - 4.5, middle + 4.5))
+            one.plot(*now, "x", color="#D55E00", ms=8, mew=2.2)
+            one.set(xlim=east, ylim=(north - 1.8, north + 1.8))
             one.set_title(f"p_negative_max {trail.negative_max:g}, after {time_s:g} s", fontsize=9)
-    figure.colorbar(shown, ax=axes, shrink=0.8, label="probability of a person")
-    figure.supxlabel("east, m; x: where the person is now", fontsize=9)
-    figure.supylabel("north, m", fontsize=9)
+            one.tick_params(labelsize=8)
+    figure.colorbar(shown, ax=axes[1:], shrink=0.9, label="probability of a person")
+    figure.supxlabel("east, m (upwards: north); x: where the person is now", fontsize=9)
     return figure
+
+
+def _draw_frames(row: Sequence[Axes], prepared: PreparedMission) -> None:
+    stream = prepared.streams[0]
+    times = {round(time_s * stream.video.frame_rate): time_s for time_s in _PICTURE_TIMES_S}
+    for one, (index, _, image) in zip(row, read_frames(stream.path, frozenset(times)), strict=True):
+        one.imshow(image)
+        one.set_title(f"what the drone sees after {times[index]:g} s", fontsize=9)
+        one.set_axis_off()
+
+
+def _extent(terrain: Terrain) -> tuple[float, float, float, float]:
+    rows, columns = terrain.shape
+    east, north, cell = terrain.east_m, terrain.north_m, terrain.cell_m
+    return east, east + columns * cell, north, north + rows * cell
 
 
 def _age_picture(trails: list[Trail]) -> Figure:
