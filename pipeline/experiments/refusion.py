@@ -23,6 +23,7 @@ class Fused:
     """A map made again, the places in it, and how they compare with the truth."""
 
     fuser: Fuser
+    fusion: Fusion
     locations: tuple[SalientLocation, ...]
     truth: tuple[TruePerson, ...]
     match: TruthMatch
@@ -54,7 +55,7 @@ def fuse_again(
             after(number, fuser)
     locations = salient_locations(fuser.map, fuser.looks, fusion)
     truth = load_truth(prepared.mission.truth, prepared.frame) if prepared.mission.truth else ()
-    return Fused(fuser, locations, truth, match_truth(locations, truth, MATCH_RADIUS_M))
+    return Fused(fuser, fusion, locations, truth, match_truth(locations, truth, MATCH_RADIUS_M))
 
 
 def terrain_at(prepared: PreparedMission, cell_m: float) -> Terrain:

@@ -65,12 +65,22 @@ def salient_locations(
     centres). A look belongs to the cluster of the nearest cell, at most half the cluster distance away. A
     cluster without a look is none.
     """
-    clusters = [cluster for cluster in _clusters(voxel_map, looks, params) if cluster.looks]
-    clusters.sort(key=lambda cluster: cluster.looks[0].time_ns)
     return tuple(
         _location(voxel_map.terrain, params.uncertainty, i, cluster)
-        for i, cluster in enumerate(clusters, start=1)
+        for i, cluster in enumerate(_seen_clusters(voxel_map, looks, params), start=1)
     )
+
+
+def looks_by_location(
+    voxel_map: VoxelMap, looks: Sequence[Look], params: Fusion
+) -> tuple[tuple[Look, ...], ...]:
+    """The looks that each of the salient locations rests on, in the order of their ids."""
+    return tuple(tuple(cluster.looks) for cluster in _seen_clusters(voxel_map, looks, params))
+
+
+def _seen_clusters(voxel_map: VoxelMap, looks: Sequence[Look], params: Fusion) -> list[_Cluster]:
+    clusters = [cluster for cluster in _clusters(voxel_map, looks, params) if cluster.looks]
+    return sorted(clusters, key=lambda cluster: cluster.looks[0].time_ns)
 
 
 def _clusters(voxel_map: VoxelMap, looks: Sequence[Look], params: Fusion) -> list[_Cluster]:

@@ -60,6 +60,22 @@ def map_picture(
     return figure
 
 
+def draw_map(
+    axes: Axes,
+    voxel_map: VoxelMap,
+    locations: Sequence[SalientLocation],
+    truth: Sequence[TruePerson] = (),
+) -> None:
+    """The same as a small picture among others: relief, probability, people and places, no legend."""
+    window = _window(voxel_map, {}, truth)
+    _draw_ground(axes, voxel_map, window)
+    _draw_colors(axes, voxel_map, window)
+    _draw_truth(axes, truth)
+    for place in locations:
+        axes.plot(*(place.position_enu[:2] + place.error.outline()).T, zorder=6, **_ELLIPSE)
+    axes.tick_params(labelsize=8)
+
+
 def png(figure: Figure) -> bytes:
     """The figure as PNG; the same figure gives the same bytes."""
     buffer = io.BytesIO()
@@ -121,6 +137,12 @@ def _draw_ground(axes: Axes, voxel_map: VoxelMap, window: Window) -> None:
 
 
 def _draw_probability(figure: Figure, axes: Axes, voxel_map: VoxelMap, window: Window) -> None:
+    shown = _draw_colors(axes, voxel_map, window)
+    bar = figure.colorbar(shown, ax=axes, shrink=0.6, aspect=28, pad=0.01)
+    bar.set_label("probability of a person (no colour: not looked at)", fontsize=9)
+
+
+def _draw_colors(axes: Axes, voxel_map: VoxelMap, window: Window) -> ScalarMappable:
     observed = voxel_map.observations[window] > 0
     shown = _block_max(np.where(observed, voxel_map.probability()[window], np.nan))
     colors, scale = _colors(), Normalize(0.0, 1.0)
@@ -131,8 +153,7 @@ def _draw_probability(figure: Figure, axes: Axes, voxel_map: VoxelMap, window: W
         interpolation="nearest",
         zorder=1,
     )
-    bar = figure.colorbar(ScalarMappable(scale, colors), ax=axes, shrink=0.6, aspect=28, pad=0.01)
-    bar.set_label("probability of a person (no colour: not looked at)", fontsize=9)
+    return ScalarMappable(scale, colors)
 
 
 def _block_max(values: FloatArray) -> FloatArray:
