@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
@@ -12,13 +12,15 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from actors.commands import experiment
+from actors.terminal import progress_bars as _progress
+from actors.terminal import say as _say
 from pipeline.errors import InputError, SearchlightError
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, help=__doc__)
-console = Console(stderr=True)
+app.add_typer(experiment.app, name="experiment")
 
 
 class Pace(StrEnum):
@@ -136,10 +138,6 @@ def main() -> None:
         sys.exit(error.exit_code)
 
 
-def _say(line: str) -> None:
-    console.print(line, soft_wrap=True, highlight=False, markup=False)
-
-
 def _run_local(prepared, progress):  # type: ignore[no-untyped-def]
     from pipeline.local import run_local
     from pipeline.preflight import plan
@@ -151,27 +149,6 @@ def _run_local(prepared, progress):  # type: ignore[no-untyped-def]
     return FinishedRun(
         chosen, result.reducer, result.counts, result.bytes_sent, time.monotonic() - started, "local"
     )
-
-
-@contextmanager
-def _progress(unit: str) -> Iterator[Callable[..., None]]:
-    bars = Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.completed:.0f}/{task.total:.0f} " + unit),
-        TextColumn("{task.fields[note]}"),
-        TimeRemainingColumn(),
-        console=console,
-    )
-    tasks: dict[str, TaskID] = {}
-
-    def update(name: str, done: int, total: int, note: str = "") -> None:
-        if name not in tasks:
-            tasks[name] = bars.add_task(name, total=total, note="")
-        bars.update(tasks[name], completed=done, total=total, note=note)
-
-    with bars:
-        yield update
 
 
 def _print_people(summary) -> None:  # type: ignore[no-untyped-def]

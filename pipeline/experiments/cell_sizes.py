@@ -32,6 +32,7 @@ EXPERIMENT_3 = {1.0: (0.63, 0.40), 0.5: (0.36, 0.25), 0.25: (0.27, 0.18)}
 EXPERIMENT_4 = {1.0: (1.15, 1.15), 0.5: (1.02, 1.02), 0.25: (0.90, 0.90)}
 #: flights of Experiment 4: one draw of the errors of satellite positioning says little
 FLIGHTS = 12
+_NEAR_M = 4.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +82,8 @@ def cell_sizes_with_pose_errors(mission: Path, out: Path, progress: Progress) ->
     first = [runs[:1] for runs in fused]
     pictures = {"errors": _errors_picture(errors, EXPERIMENT_4), "maps": _maps_picture(first)}
     measures = _measures(errors, EXPERIMENT_4)
-    return Experiment(4, "geolocation with the pose errors of a real flight", text, measures, pictures, PAPERS_FLIGHT)
+    title = "geolocation with the pose errors of a real flight"
+    return Experiment(4, title, text, measures, pictures, PAPERS_FLIGHT)
 
 
 def _fuse(
@@ -157,14 +159,20 @@ def _errors_picture(errors: Sequence[Errors], paper: dict[float, tuple[float, fl
         axes.hlines(paper[e.cell_m][1], k - 0.45, k + 0.45, color="#D55E00", ls="--", lw=1.2, label=label)
     axes.set_xticks(x, [f"cells of {e.cell_m:g} m" for e in errors])
     axes.set_ylabel("mean position error, m")
-    axes.margins(y=0.15)
-    axes.legend(frameon=False, fontsize=8)
+    axes.margins(y=0.45)
+    axes.legend(frameon=False, fontsize=8, ncols=2, loc="upper center")
     return figure
 
 
 def _maps_picture(fused: Sequence[Sequence[Fused]]) -> Figure:
-    figure = Figure(figsize=(13, 4.8), dpi=110, layout="constrained")
-    for axes, (run, *_), cell in zip(figure.subplots(1, len(fused)), fused, CELLS_M, strict=True):
-        draw_map(axes, run.fuser.map, run.locations, run.truth)
-        axes.set_title(f"cells of {cell:g} m", fontsize=10)
+    """The whole map for each size of cell, and below it the surroundings of the first found place."""
+    figure = Figure(figsize=(12, 8.6), dpi=100, layout="constrained")
+    whole, near = figure.subplots(2, len(fused))
+    for above, below, (run, *_), cell in zip(whole, near, fused, CELLS_M, strict=True):
+        for axes in (above, below):
+            draw_map(axes, run.fuser.map, run.locations, run.truth)
+        above.set_title(f"cells of {cell:g} m", fontsize=10)
+        east, north = run.truth[0].track_enu[0]
+        below.set(xlim=(east - _NEAR_M, east + _NEAR_M), ylim=(north - _NEAR_M, north + _NEAR_M))
+    near[1].set_xlabel("x: a person; red: the error ellipse of the found place, 95 %; metres", fontsize=9)
     return figure

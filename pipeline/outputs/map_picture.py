@@ -65,15 +65,16 @@ def draw_map(
     voxel_map: VoxelMap,
     locations: Sequence[SalientLocation],
     truth: Sequence[TruePerson] = (),
-) -> None:
-    """The same as a small picture among others: relief, probability, people and places, no legend."""
+) -> ScalarMappable:
+    """The same as a small picture among others: relief, probability, people and places; for a colour bar."""
     window = _window(voxel_map, {}, truth)
     _draw_ground(axes, voxel_map, window)
-    _draw_colors(axes, voxel_map, window)
+    shown = _draw_colors(axes, voxel_map, window)
     _draw_truth(axes, truth)
     for place in locations:
         axes.plot(*(place.position_enu[:2] + place.error.outline()).T, zorder=6, **_ELLIPSE)
     axes.tick_params(labelsize=8)
+    return shown
 
 
 def png(figure: Figure) -> bytes:
