@@ -68,7 +68,8 @@ def make_reducer(prepared: PreparedMission, plan: Plan, *, lateness: bool) -> Re
     relative = {a.detector: prepared.relative_accuracy[a.pool_detector] for a in plan.assignments}
     fuser = Fuser(prepared.terrain, prepared.mission.fusion, prepared.cameras, relative)
     lateness_ns = round(prepared.mission.fusion.lateness * 1e9) if lateness else None
-    return ReducerStage(fuser, Sequencer(substreams, lateness_ns), substreams)
+    start_ns = {s.stream: s.start_ns for s in prepared.streams}
+    return ReducerStage(fuser, Sequencer(substreams, lateness_ns, start_ns), substreams)
 
 
 def make_detectors(prepared: PreparedMission, plan: Plan) -> dict[tuple[str, str], DetectorStage]:

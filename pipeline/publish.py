@@ -13,7 +13,7 @@ import numpy as np
 from pipeline.allocation.gantt import gantt
 from pipeline.allocation.plan import Plan, plan_to_json
 from pipeline.evidence import evidence_pictures
-from pipeline.fusion.salient import SalientLocation, salient_locations
+from pipeline.fusion.salient import SalientLocation, locations_of_all_classes
 from pipeline.messages import FloatArray
 from pipeline.outputs.map_picture import map_picture, png
 from pipeline.outputs.report import ReportData, write_report
@@ -48,7 +48,7 @@ class FinishedRun:
 def publish(prepared: PreparedMission, run: FinishedRun, out: Path) -> Summary:
     """Write the run directory, whole or not at all; the summary that was written."""
     fuser = run.reducer.fuser
-    locations = salient_locations(fuser.map, fuser.looks, prepared.mission.fusion)
+    locations = locations_of_all_classes(fuser.maps, fuser.looks, prepared.mission.fusion)
     truth = load_truth(prepared.mission.truth, prepared.frame) if prepared.mission.truth else ()
     summary = _summary(prepared, run, locations, truth)
     schedule = gantt(prepared.problem, run.plan)
@@ -56,7 +56,9 @@ def publish(prepared: PreparedMission, run: FinishedRun, out: Path) -> Summary:
     evidence = evidence_pictures(prepared, fuser.looks, locations)
     report = ReportData(summary, fuser.map, tracks, truth, schedule, evidence)
     with run_directory(out) as folder:
-        write_saliency(folder / "saliency.tif", fuser.map)
+        for name, voxel_map in fuser.maps.items():
+            of_class = "" if voxel_map is fuser.map else f"-{name}"
+            write_saliency(folder / f"saliency{of_class}.tif", voxel_map)
         write_salient(folder / "salient.geojson", locations, summary.match)
         write_text(folder / "plan.json", plan_to_json(run.plan, prepared.problem))
         write_bytes(folder / "map.png", png(map_picture(fuser.map, tracks, locations, truth)))

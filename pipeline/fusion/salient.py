@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,15 +83,25 @@ def _seen_clusters(voxel_map: VoxelMap, looks: Sequence[Look], params: Fusion) -
     return sorted(clusters, key=lambda cluster: cluster.looks[0].time_ns)
 
 
+def locations_of_all_classes(
+    maps: Mapping[str, VoxelMap], looks: Sequence[Look], params: Fusion
+) -> tuple[SalientLocation, ...]:
+    """The salient locations of every class's map, in the order of first sight. maps: by class name."""
+    found: list[SalientLocation] = []
+    for name, voxel_map in maps.items():
+        found += salient_locations(voxel_map, [look for look in looks if look.class_name == name], params)
+    found.sort(key=lambda location: location.first_seen_ns)
+    return tuple(replace(location, id=i) for i, location in enumerate(found, start=1))
+
+
 def _clusters(voxel_map: VoxelMap, looks: Sequence[Look], params: Fusion) -> list[_Cluster]:
-    probability = voxel_map.probability()
-    rows, columns = np.nonzero((probability > params.threshold) & (voxel_map.observations > 0))
+    rows, columns, probability = voxel_map.probable(params.threshold)
     if rows.size == 0:
         return []
     tree = cKDTree(voxel_map.terrain.centers(rows, columns))
     count, labels = _euclidean_clusters(tree, params.cluster_distance)
     mine = _looks_of(tree, labels, count, looks, params.cluster_distance / 2.0)
-    p = probability[rows, columns].astype(np.float64)
+    p = probability.astype(np.float64)
     return [_Cluster(float(p[labels == k].mean()), int((labels == k).sum()), mine[k]) for k in range(count)]
 
 
@@ -133,7 +143,7 @@ def _location(
     offsets = np.array([look.intersection_enu for look in looks])[:, :2] - middle[:2]
     return SalientLocation(
         id=number,
-        class_name="person",
+        class_name=looks[0].class_name,
         probability=cluster.probability,
         position_enu=np.array([east, north, height]),
         latitude_deg=float(latitude),

@@ -22,6 +22,8 @@ _CERTAINTY = 1e-9
 #: Frames that follow one another within this time are one look, nanoseconds.
 LOOK_GAP_NS = 1_000_000_000
 
+_NONE = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.float32)
+
 #: What is kept of a voxel, 32 bytes; all zero where nothing is known. pod_before: POD of the looks before the
 #: present one; pod_look: the best frame's of the present one.
 VOXEL = np.dtype(
@@ -51,8 +53,8 @@ class VoxelMap:
 
     - log_odds: float32, OctoMap's additive evidence with clamping; 0 where nothing is known.
     - observations: int32, number of updates.
-    - looks: int32, how often it was looked at. Frames that follow one another within LOOK_GAP_NS are one look:
-      what hides a person from one of them hides the person from the next.
+    - looks: int32, how often it was looked at. Frames that follow one another within LOOK_GAP_NS are one
+      look: what hides a person from one of them hides the person from the next.
     - resolution_px: float32, greatest height in pixels at which a person of PERSON_HEIGHT_M showed; 0: never.
     - pod: float32 0..1, probability of detection of an object of the class had one been there: 1 - prod(1 -
       POD of a look), and a look is as good as its best frame.
@@ -62,18 +64,24 @@ class VoxelMap:
     """
 
     def __init__(
-        self, terrain: Terrain, clamp_min: float, clamp_max: float, folder: Path | None = None
+        self,
+        terrain: Terrain,
+        clamp_min: float,
+        clamp_max: float,
+        folder: Path | None = None,
+        owned: NDArray[np.bool_] | None = None,
     ) -> None:
         """clamp_min, clamp_max: least, greatest probability of a voxel; InputError unless 0.5 is between.
 
-        folder: where the map may put what does not fit into memory.
+        folder: where the map may put what does not fit into memory. owned: the tiles that are kept, the rest
+        is never written to; all if absent.
         """
         if not 0.0 <= clamp_min < 0.5 < clamp_max <= 1.0:
             raise InputError(
                 "fusion.clamp_min, clamp_max", f"{clamp_min:g} and {clamp_max:g}", "0 <= min < 0.5 < max <= 1"
             )
         self.terrain = terrain
-        self.tiles = Tiles(terrain.shape, VOXEL, folder)
+        self.tiles = Tiles(terrain.shape, VOXEL, folder, owned)
         low, high = log_odds(np.array([clamp_min, clamp_max]))
         #: least and greatest log-odds
         self.limits = float(low), float(high)
@@ -125,6 +133,22 @@ class VoxelMap:
             np.float32
         )
 
+    def touched_window(self) -> Window:
+        """The least part of the map that holds all that is known, in whole tiles; empty if nothing is."""
+        return self.tiles.touched_window()
+
+    def probable(self, threshold: float) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float32]]:
+        """Rows, columns and probabilities (N,) of the observed voxels above a threshold, row by row."""
+        found = []
+        for tile in self.tiles.touched_tiles():
+            window = self.tiles.window(*tile)
+            p, observed = self.probability(window), self.layer("observations", window) > 0
+            rows, columns = np.nonzero((p > threshold) & observed)
+            found.append((rows + window[0].start, columns + window[1].start, p[rows, columns]))
+        rows, columns, p = (np.concatenate(part) for part in zip(_NONE, *found, strict=True))
+        order = np.lexsort((columns, rows))
+        return rows[order], columns[order], p[order]
+
     def valid(self, row: int, column: int) -> bool:
         """Whether there is a voxel: a cell of the terrain whose height is known."""
         rows, columns = self.terrain.shape
@@ -142,29 +166,29 @@ class VoxelMap:
 
     def observe(
         self,
-        seen: NDArray[np.int64],
+        seen: NDArray[np.int32],
         distances_m: FloatArray,
         raised: NDArray[np.int64],
+        raised_distances_m: FloatArray,
         model: SensorModel,
         p_detector: float,
         time_ns: int,
     ) -> None:
         """Lower the voxels that a frame saw, but not those it raised, and note how well it saw all of them.
 
-        seen: int64 (2, N) rows and columns, each voxel once. distances_m: float64 (N,) from the camera; voxels
-        beyond the model's greatest distance are left alone. raised: int64 (2, M) rows and columns.
+        seen: int32 (2, N) rows and columns, each voxel once. distances_m: float64 (N,) from the camera;
+        voxels beyond the model's greatest distance are left alone. raised: int64 (2, M) rows and columns.
         """
-        self.tiles.touch(*seen)
         observe(
             self.tiles.cells,
-            self.tiles.flat(*seen),
+            self.tiles.owned,
+            self.tiles.touched,
+            seen,
             distances_m,
-            self.tiles.flat(*raised),
-            p_detector * model.negative_max,
-            model.frame_pod(0.0, p_detector),
-            model.max_distance_m,
-            model.resolution_px_m,
-            time_ns,
-            LOOK_GAP_NS,
-            *self.limits,
+            raised,
+            raised_distances_m,
+            (p_detector * model.negative_max, model.frame_pod(0.0, p_detector)),
+            (model.max_distance_m, model.resolution_px_m),
+            (time_ns, LOOK_GAP_NS),
+            self.limits,
         )

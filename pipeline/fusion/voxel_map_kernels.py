@@ -7,6 +7,8 @@ import math
 import numba
 import numpy as np
 
+from pipeline.fusion.tiles import TILE, TILE_BITS
+
 
 @numba.njit(cache=True)
 def add_clamped(cells, flat, delta, low, high):  # type: ignore[no-untyped-def]
@@ -18,37 +20,59 @@ def add_clamped(cells, flat, delta, low, high):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def observe(
-    cells, flat, distances, raised, strength, pod, max_distance, resolution, time_ns, gap_ns, low, high
-):  # type: ignore[no-untyped-def]
-    """Lower the voxels at flat (N,), but not those raised (M,), and note how well all of them were seen.
+def observe(  # type: ignore[no-untyped-def]
+    cells, owned, touched, seen, distances, raised, raised_distances, strength, reach, time, limits
+):
+    """Lower the seen voxels (2, N), but not those raised (2, M), and note how well all of them were seen.
 
-    distances: (N,) from the camera, metres. strength: p_det^rel * p_negative^max. pod: of one frame from no
-    distance. max_distance: metres, where both have fallen to 0; farther voxels are left alone. resolution:
-    pixels per person times metres. low, high: limits of the log-odds.
+    owned, touched: (tile rows, tile columns); other voxels are left alone. distances, raised_distances: (N,),
+    (M,) from the camera, metres. strength: p_det^rel * p_negative^max, and POD of a frame from no distance.
+    reach: metres, where both have fallen to 0 (farther voxels are not lowered), and pixels per person times
+    metres. time: of the frame, and the longest pause within a look, ns. limits: of the log-odds.
     """
-    for i in range(flat.size):
-        distance = distances[i]
-        if distance > max_distance:
+    negative, pod = strength
+    max_distance, resolution = reach
+    low, high = limits
+    for i in range(seen.shape[1]):
+        r, c, distance = seen[0, i], seen[1, i], distances[i]
+        if distance > max_distance or not owned[r >> TILE_BITS, c >> TILE_BITS]:
             continue
-        cell = cells[flat[i]]
+        touched[r >> TILE_BITS, c >> TILE_BITS] = True
+        cell = cells[_flat(r, c, touched.shape[1])]
         factor = 1.0 - distance / max_distance
-        if not _among(flat[i], raised):
-            p = max(0.5 - factor * strength, 1e-9)
+        if not _among(r, c, raised):
+            p = max(0.5 - factor * negative, 1e-9)
             cell.log_odds = min(max(cell.log_odds + math.log(p / (1.0 - p)), low), high)
             cell.observations += 1
-        if cell.looks == 0 or time_ns - cell.last_seen_ns > gap_ns:
-            cell.pod_before = 1.0 - (1.0 - cell.pod_before) * (1.0 - cell.pod_look)
-            cell.pod_look = 0.0
-            cell.looks += 1
-        cell.pod_look = max(cell.pod_look, np.float32(pod * factor))
-        cell.resolution_px = max(cell.resolution_px, np.float32(resolution / distance))
-        cell.last_seen_ns = max(cell.last_seen_ns, time_ns)
+        _note_look(cell, pod * factor, resolution / distance, time)
+    for i in range(raised.shape[1]):  # they may lie behind their box, but they were seen
+        cell = cells[_flat(raised[0, i], raised[1, i], touched.shape[1])]
+        factor = max(1.0 - raised_distances[i] / max_distance, 0.0)
+        _note_look(cell, pod * factor, resolution / raised_distances[i], time)
 
 
 @numba.njit(cache=True)
-def _among(value, values):  # type: ignore[no-untyped-def]
-    for i in range(values.size):
-        if values[i] == value:
-            return True
-    return False
+def _note_look(cell, pod, resolution, time):  # type: ignore[no-untyped-def]
+    time_ns, pause_ns = time
+    if cell.looks == 0 or time_ns - cell.last_seen_ns > pause_ns:
+        cell.pod_before = 1.0 - (1.0 - cell.pod_before) * (1.0 - cell.pod_look)
+        cell.pod_look = 0.0
+        cell.looks += 1
+    cell.pod_look = max(cell.pod_look, np.float32(pod))
+    cell.resolution_px = max(cell.resolution_px, np.float32(resolution))
+    cell.last_seen_ns = max(cell.last_seen_ns, time_ns)
+
+
+@numba.njit(cache=True)
+def _flat(row, column, tile_columns):  # type: ignore[no-untyped-def]
+    """Where a cell lies in the array of all cells, see Tiles."""
+    tile = np.int64(row >> TILE_BITS) * tile_columns + (column >> TILE_BITS)
+    return (tile << 2 * TILE_BITS) + ((row & (TILE - 1)) << TILE_BITS) + (column & (TILE - 1))
+
+
+@numba.njit(cache=True)
+def _among(row, column, cells):  # type: ignore[no-untyped-def]
+    found = False
+    for i in range(cells.shape[1]):
+        found |= cells[0, i] == row and cells[1, i] == column
+    return found

@@ -16,7 +16,6 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LightSource, ListedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from numpy.typing import NDArray
 
 from pipeline.fusion.salient import SalientLocation
 from pipeline.fusion.voxel_map import VoxelMap
@@ -90,10 +89,13 @@ Window = tuple[slice, slice]
 
 def _window(voxel_map: VoxelMap, tracks: Mapping[str, FloatArray], truth: Sequence[TruePerson]) -> Window:
     terrain = voxel_map.terrain
-    rows, columns = np.nonzero(voxel_map.observations)
+    known = voxel_map.touched_window()
+    observed = np.argwhere(voxel_map.layer("observations", known)) + np.array(
+        [known[0].start, known[1].start]
+    )
     points = [terrain.cells(track) for track in tracks.values()]
     points += [terrain.cells(person.track_enu) for person in truth]
-    cells = np.concatenate([np.stack([rows, columns], axis=1), *points])
+    cells = np.concatenate([observed, *points])
     cells = cells[cells[:, 0] >= 0]
     if not len(cells):
         return slice(0, terrain.shape[0]), slice(0, terrain.shape[1])
@@ -144,8 +146,8 @@ def _draw_probability(figure: Figure, axes: Axes, voxel_map: VoxelMap, window: W
 
 
 def _draw_colors(axes: Axes, voxel_map: VoxelMap, window: Window) -> ScalarMappable:
-    observed = voxel_map.observations[window] > 0
-    shown = _block_max(np.where(observed, voxel_map.probability()[window], np.nan))
+    observed = voxel_map.layer("observations", window) > 0
+    shown = _block_max(np.where(observed, voxel_map.probability(window), np.nan))
     colors, scale = _colors(), Normalize(0.0, 1.0)
     axes.imshow(
         colors(scale(np.ma.masked_invalid(shown))),
@@ -267,5 +269,6 @@ def _round_length_m(most_m: float) -> float:
 
 def observed_area_m2(voxel_map: VoxelMap) -> float:
     """Ground area of the cells that were looked at, square metres."""
-    seen: NDArray[np.bool_] = voxel_map.observations > 0
-    return float(np.count_nonzero(seen)) * voxel_map.terrain.cell_m**2
+    tiles = voxel_map.tiles
+    seen = sum(np.count_nonzero(tiles.tile(*tile)["observations"]) for tile in tiles.touched_tiles())
+    return float(seen) * voxel_map.terrain.cell_m**2
