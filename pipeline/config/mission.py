@@ -13,6 +13,7 @@ from pipeline.config.units import (
     Bitrate,
     Hertz,
     Meters,
+    MetersPerSecond,
     NonNegativeMeters,
     NonNegativePixels,
     NonNegativeRadians,
@@ -128,6 +129,29 @@ class Uncertainty(Strict):
     body: NonNegativeMeters = 0.12
 
 
+class SecondLook(Strict):
+    """Which ground is worth a second look, and how a drone would look at it.
+
+    pod_min, resolution_min (pixels per person), looks_min: seen worse than that is seen badly.
+    unresolved_from: a probability from there to the threshold is undecided, if there were unresolved_looks
+    observations at least. min_area (square metres): smaller areas are left out, after those closer than
+    merge_distance have been made one. height (above the surface), speed, overlap (of neighbouring strips,
+    0..0.9), hover: of the proposed flight.
+    """
+
+    pod_min: Fraction = 0.5
+    resolution_min: NonNegativePixels = 20.0
+    looks_min: int = Field(default=1, ge=0)
+    unresolved_from: Fraction = 0.3
+    unresolved_looks: int = Field(default=5, ge=1)
+    min_area: float = Field(default=6.0, gt=0.0)
+    merge_distance: PositiveMeters = 2.0
+    height: PositiveMeters = 12.0
+    speed: MetersPerSecond = 3.0
+    overlap: float = Field(default=0.3, ge=0.0, le=0.9)
+    hover: PositiveSeconds = 4.0
+
+
 class ObjectClass(Strict):
     """What a class of objects looks like. id: the detectors' class id. name: of its layer of the map.
 
@@ -163,6 +187,7 @@ class Fusion(Strict):
     clamp_max: float = Field(default=0.971, gt=0.5, le=1.0)
     lateness: PositiveSeconds
     uncertainty: Uncertainty = Uncertainty()
+    second_look: SecondLook = SecondLook()
 
     @model_validator(mode="after")
     def _threshold_can_be_reached(self) -> Fusion:
@@ -195,7 +220,10 @@ class Fusion(Strict):
 
 
 class Mission(Strict):
-    """Everything a run reads. Paths are relative to the mission file."""
+    """Everything a run reads. Paths are relative to the mission file.
+
+    search_area: a GeoJSON polygon of the ground to search; absent: what the drones' ways enclose.
+    """
 
     name: str
     terrain: Terrain
@@ -205,6 +233,7 @@ class Mission(Strict):
     processing: Processing
     fusion: Fusion
     truth: Path | None = None
+    search_area: Path | None = None
 
     @model_validator(mode="after")
     def _streams_are_unique(self) -> Mission:
@@ -233,5 +262,6 @@ def load_mission(path: Path) -> Mission:
             "inventory": base / mission.inventory,
             "pool": base / mission.pool,
             "truth": None if mission.truth is None else base / mission.truth,
+            "search_area": None if mission.search_area is None else base / mission.search_area,
         }
     )

@@ -70,6 +70,7 @@ class Fuser:
         self._visibility = Visibility(terrain, owned)
         self._terrain = terrain
         self._cameras, self._p_detector = dict(cameras), dict(relative_accuracy)
+        self._pixel_rad = {stream: 1.0 / math.sqrt(c.fx * c.fy) for stream, c in cameras.items()}
         self._models = {
             (stream, c.name): SensorModel(camera, params, c)
             for stream, camera in cameras.items()
@@ -178,7 +179,7 @@ class Fuser:
             position,
             to_center,
             detections.pose.enu_from_camera,
-            1.0 / math.sqrt(camera.fx * camera.fy),
+            self._pixel_rad[stream],
             object_class.name,
             i,
         )

@@ -18,6 +18,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from pipeline.fusion.salient import SalientLocation
+from pipeline.fusion.second_flight import SecondFlight
+from pipeline.fusion.second_look import SecondLookArea
 from pipeline.fusion.voxel_map import VoxelMap
 from pipeline.messages import FloatArray
 from pipeline.outputs.truth import TruePerson
@@ -74,6 +76,38 @@ def draw_map(
         axes.plot(*(place.position_enu[:2] + place.error.outline()).T, zorder=6, **_ELLIPSE)
     axes.tick_params(labelsize=8)
     return shown
+
+
+def second_look_picture(
+    voxel_map: VoxelMap, areas: Sequence[SecondLookArea], flight: SecondFlight
+) -> Figure:
+    """The areas worth a second look, by number, and the flight over them."""
+    rings = {f"area {area.id}": area.rings[0] for area in areas}
+    window = _window(voxel_map, rings | {"home": flight.home_enu[None]}, ())
+    figure = Figure(figsize=_size_in(voxel_map, window), dpi=_DPI, layout="constrained")
+    axes = figure.add_subplot()
+    _draw_ground(axes, voxel_map, window)
+    _draw_colors(axes, voxel_map, window)
+    for area in areas:
+        axes.fill(*area.rings[0].T, fc="#E69F0066", ec="#A05A00", lw=1.4, zorder=3)
+        for hole in area.rings[1:]:
+            axes.fill(*hole.T, fc="#ffffff66", ec="#A05A00", lw=0.8, zorder=3)
+        style = {"ha": "center", "va": "center", "fontsize": 11, "fontweight": "bold", "zorder": 6}
+        axes.annotate(str(area.id), area.cells_enu.mean(axis=0), path_effects=_HALO, **style)
+    way = np.array([flight.home_enu, *(w.position_enu for w in flight.waypoints)])
+    axes.plot(way[:, 0], way[:, 1], color="#0072B2", lw=1.5, zorder=4, path_effects=_HALO)
+    hover = np.array([w.position_enu for w in flight.waypoints if w.hover_s > 0.0]).reshape(-1, 3)
+    axes.plot(hover[:, 0], hover[:, 1], "o", color="#0072B2", mec="white", ms=6, zorder=5)
+    axes.plot(*flight.home_enu[:2], marker="s", color="black", mec="white", ms=8, zorder=5)
+    _draw_scale_and_north(axes)
+    axes.set_xlabel("east of the map's origin, m")
+    axes.set_ylabel("north, m")
+    handles = [
+        Line2D([], [], ls="", marker="s", color="#E69F00", mec="#A05A00", label="worth a second look"),
+        Line2D([], [], color="#0072B2", label="proposed flight (dot: hover, square: home)"),
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False, fontsize=10)
+    return figure
 
 
 def png(figure: Figure) -> bytes:

@@ -33,6 +33,11 @@ _UNITS = {
     "box": ("pixels", 1.0),
     "terrain": ("meters", 1.0),
     "body": ("meters", 1.0),
+    "resolution_min": ("pixels", 1.0),
+    "merge_distance": ("meters", 1.0),
+    "height": ("meters", 1.0),
+    "speed": ("meters_per_second", 1.0),
+    "hover": ("seconds", 1.0),
 }
 
 
