@@ -20,6 +20,7 @@ from pipeline.detection import load_detector
 from pipeline.errors import InputError, NoPlanError
 from pipeline.geo.camera import Camera
 from pipeline.geo.frame import LocalFrame
+from pipeline.geo.search_area import load_search_area
 from pipeline.geo.terrain import Terrain, frame_of, load_terrain
 from pipeline.stages.source import StreamInput
 from pipeline.telemetry.dji_srt import read_dji_srt
@@ -79,6 +80,8 @@ def prepare(path: Path, thorough: bool = False) -> PreparedMission:
     terrain = load_terrain(mission.terrain.file, mission.fusion.cell_size, frame)
     for stream in streams:
         _terrain_covers(mission, terrain, stream)
+    if mission.search_area is not None:
+        load_search_area(mission.search_area, frame)
     _models_load(pool)
     own_site = {s.id: s.site for s in mission.streams}
     problem = build_problem(own_site, mission.processing, inventory, pool, where=path)

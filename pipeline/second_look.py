@@ -1,8 +1,7 @@
-"""The second look of a mission: which ground was to be searched, what is worth another look, how to fly there."""
+"""The second look of a mission: what was to be searched, what is worth another look, how to fly there."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,11 +12,10 @@ import rasterio.features
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
-from pipeline.errors import InputError
 from pipeline.fusion.second_flight import SecondFlight, plan_second_flight
 from pipeline.fusion.second_look import SecondLookArea, layers_of, second_look_areas
 from pipeline.fusion.voxel_map import VoxelMap
-from pipeline.geo.frame import LocalFrame
+from pipeline.geo.search_area import load_search_area
 from pipeline.geo.terrain import Terrain
 from pipeline.messages import FloatArray
 from pipeline.preflight import PreparedMission
@@ -63,27 +61,3 @@ def searched_cells(
     transform = rasterio.Affine(cell, 0.0, terrain.east_m, 0.0, cell, terrain.north_m)
     inside = rasterio.features.geometry_mask(shapes, terrain.shape, transform, invert=True)
     return np.asarray(inside, dtype=bool)
-
-
-def load_search_area(path: Path, frame: LocalFrame) -> list[FloatArray]:
-    """Outer rings (N, 2), east and north, of a GeoJSON file with Polygons. Raises InputError if it has none."""
-    expected = "GeoJSON with a Polygon or MultiPolygon in degrees"
-    try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-        features = document.get("features", [document])
-        rings: list[FloatArray] = []
-        for feature in features:
-            geometry = feature.get("geometry", feature)
-            polygons = {"Polygon": [geometry["coordinates"]], "MultiPolygon": geometry["coordinates"]}
-            for polygon in polygons.get(geometry["type"], []):
-                degrees = np.array([point[:2] for point in polygon[0]], dtype=np.float64)
-                if degrees.shape[0] < 4 or np.any(np.abs(degrees) > (180.0, 90.0)):
-                    raise InputError(path, "a ring that is no ring of degrees", expected)
-                rings.append(np.stack(frame.enu_from_wgs84(degrees[:, 1], degrees[:, 0]), axis=1))
-    except FileNotFoundError:
-        raise InputError(path, "no file", expected) from None
-    except (OSError, ValueError, TypeError, LookupError, AttributeError, RecursionError) as error:
-        raise InputError(path, f"text that cannot be read ({type(error).__name__})", expected) from None
-    if not rings:
-        raise InputError(path, "no polygon", expected)
-    return rings

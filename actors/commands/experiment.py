@@ -15,7 +15,9 @@ from pipeline.errors import InputError
 
 app = typer.Typer(no_args_is_help=True, help="The paper's experiments, its figures beside ours.")
 
-Out = Annotated[Path, typer.Option(help="Folder for missions, detections and the report; kept and used again.")]
+Out = Annotated[
+    Path, typer.Option(help="Folder for missions, detections and the report; kept and used again.")
+]
 Mission = Annotated[Path, typer.Option(help="A mission file with truth.")]
 _DEMO = Path("configs/missions/demo/mission.yaml")
 

@@ -1,6 +1,6 @@
 """Experiments 3 and 4: how far the places are from the people, by size of cell, with true and with bad poses.
 
-The paper's way of placing, the average of the looks' ground points, is measured beside ours, so that it is seen
+The paper's way of placing, the average of the looks' ground points, is measured beside ours: it shows
 how much of the difference lies in the placing and how much in the rest.
 """
 
@@ -59,9 +59,7 @@ def cell_sizes(mission: Path, out: Path, progress: Progress) -> Experiment:
     errors = [_errors(cell, runs) for cell, runs in zip(CELLS_M, fused, strict=True)]
     text = "Nine people, two drones 15 m above the ground at 3 m/s, cameras 45 degrees down, true poses."
     pictures = {"errors": _errors_picture(errors, EXPERIMENT_3), "maps": _maps_picture(fused)}
-    return Experiment(
-        3, "size of the cells and geolocation", text, _measures(errors, EXPERIMENT_3), pictures
-    )
+    return Experiment(3, "size of the cells and geolocation", text, _measures(errors, EXPERIMENT_3), pictures)
 
 
 def cell_sizes_with_pose_errors(mission: Path, out: Path, progress: Progress) -> Experiment:
@@ -155,8 +153,8 @@ def _errors_picture(errors: Sequence[Errors], paper: dict[float, tuple[float, fl
         drawn = axes.bar(x + 0.27 * (k - 1), values, 0.25, label=label, color=color)
         axes.bar_label(drawn, fmt="%.2f", fontsize=8)
     for k, e in enumerate(errors):
-        label = "at most, as asked" if k == 0 else None
-        axes.hlines(paper[e.cell_m][1], k - 0.45, k + 0.45, color="#D55E00", ls="--", lw=1.2, label=label)
+        asked = "at most, as asked" if k == 0 else None
+        axes.hlines(paper[e.cell_m][1], k - 0.45, k + 0.45, color="#D55E00", ls="--", lw=1.2, label=asked)
     axes.set_xticks(x, [f"cells of {e.cell_m:g} m" for e in errors])
     axes.set_ylabel("mean position error, m")
     axes.margins(y=0.45)

@@ -1,8 +1,7 @@
 """Experiment 1: the same detections with the detector's relative accuracy, and with half of it.
 
 The probability of one update is 0.5 + p_area p_det_rel score p_positive_max. The paper's two figures are what
-this gives for one update with p_area score p_positive_max = 0.44 (0.5 + 0.98 x 0.44 = 0.93; with half of 0.98,
-0.71), so every place is looked at about once here, too: with many looks both maps reach the clamp, and the
+this gives for one update with p_area score p_positive_max = 0.44, 0.5 + 0.98 x 0.44 and 0.5 + 0.49 x 0.44. So every place is looked at about once here, too: with many looks both maps reach the clamp, and the
 difference is gone. That is measured beside it.
 """
 
@@ -37,7 +36,7 @@ _CHANGES: dict[str, object] = {
     "cell_size": 0.5,
 }
 _WHY = {
-    "frames": f"one every {INTERVAL_S:g} s, so that a place is looked at about once; means over {PHASES} first frames",
+    "frames": f"one every {INTERVAL_S:g} s: a place is looked at about once; means over {PHASES} first frames",
     "p_positive_max": "0.5, the greatest there is, and p_negative_max 0.05",
     "tukey_alpha": "0: a box of any allowed size counts in full",
     "threshold": "0.55: with half the accuracy one look of score 0.65 gives 0.66",
@@ -75,15 +74,13 @@ def detector_accuracy(mission: Path, out: Path, progress: Progress) -> Experimen
         Measure("median score of the detections", float(np.median(scores)), "", "about 0.88 by its figures"),
     ]
     text = (
-        "Nine people, two drones 15 m above the ground at 3 m/s, cameras 45 degrees down, fused twice. A single "
+        "Nine people, two drones 15 m above the ground at 3 m/s, cameras 45 degrees down, fused twice. One "
         "look of score s can raise a place to 0.5 + 0.98 s / 2: 0.93 needs a score of 0.88."
     )
     return Experiment(1, "relative accuracy of the detector", text, measures, {"maps": _picture(maps)}, _WHY)
 
 
-def results_at(
-    prepared: PreparedMission, results: Sequence[Detections], first_s: float
-) -> list[Detections]:
+def results_at(prepared: PreparedMission, results: Sequence[Detections], first_s: float) -> list[Detections]:
     """The results of the frames next to first_s, first_s + INTERVAL_S, .. of each video."""
     step_s = 1.0 / prepared.mission.processing.frame_rate
     rates = {s.stream: s.video.frame_rate for s in prepared.streams}

@@ -19,7 +19,7 @@ from pipeline.outputs.safe_write import write_bytes, write_text
 
 @dataclass(frozen=True)
 class Measure:
-    """One figure. paper: the paper's, as text. wanted: at least or at most limit; nothing is asked without."""
+    """One figure. paper: the paper's, as text. wanted: at least or at most limit; None: nothing."""
 
     name: str
     ours: float

@@ -7,8 +7,8 @@ probability is one half or less again. Its age is the time since a detection las
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -70,7 +70,7 @@ def moving_person(scenario: Path, out: Path, progress: Progress) -> Experiment:
     pictures = {"maps": _maps_picture(prepared, trails, truth), "age": _age_picture(trails)}
     seen = sum(len(result.scores) > 0 for result in results)
     text = (
-        f"A drone hovers 15 m above the ground, its camera 45 degrees down; a person walks from left to right. "
+        f"A drone hovers 15 m above the ground, its camera 45 degrees down; a person walks left to right. "
         f"{seen} of {len(results)} frames, {_rate(results):.0f} a second, have a "
         "detection. A cell's age is the time since a detection last raised it; it is gone when its "
         "probability is one half or less."
@@ -81,7 +81,9 @@ def moving_person(scenario: Path, out: Path, progress: Progress) -> Experiment:
 def _measures(slow: Trail, fast: Trail) -> list[Measure]:
     share = slow.alive / slow.left if slow.left else 0.0
     return [
-        Measure("oldest trail, p_negative_max 0.5", float(fast.age_s.max()), "s", "removed rapidly", "<=", 1.0),
+        Measure(
+            "oldest trail, p_negative_max 0.5", float(fast.age_s.max()), "s", "removed rapidly", "<=", 1.0
+        ),
         Measure("oldest trail, p_negative_max 0.05", float(slow.age_s.max()), "s", "a trail", ">=", 5.0),
         Measure("share of the cells left 5 s ago that still stand, 0.05", share, "", "", ">=", 0.5),
         Measure("median lifetime of a cell, 0.05", float(np.median(slow.lifetime_s)), "s", ""),
@@ -154,9 +156,7 @@ def _rate(results: list[Detections]) -> float:
     return 1e9 * (len(results) - 1) / (results[-1].time_ns - results[0].time_ns)
 
 
-def _maps_picture(
-    prepared: PreparedMission, trails: list[Trail], truth: tuple[TruePerson, ...]
-) -> Figure:
+def _maps_picture(prepared: PreparedMission, trails: list[Trail], truth: tuple[TruePerson, ...]) -> Figure:
     """The picture of the drone at some times, and below it the map of each trail at the same times."""
     columns = len(_PICTURE_TIMES_S)
     figure = Figure(figsize=(11, 6.4), dpi=110, layout="constrained")

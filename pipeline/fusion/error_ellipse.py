@@ -35,7 +35,10 @@ class ErrorEllipse:
         """Points (count, 2) of the ellipse, east and north of its middle, metres; the last is the first."""
         turn = np.linspace(0.0, 2.0 * math.pi, count)
         along, across = self.semi_major_m * np.cos(turn), self.semi_minor_m * np.sin(turn)
-        sine, cosine = math.sin(math.radians(self.orientation_deg)), math.cos(math.radians(self.orientation_deg))
+        sine, cosine = (
+            math.sin(math.radians(self.orientation_deg)),
+            math.cos(math.radians(self.orientation_deg)),
+        )
         return np.stack([sine * along + cosine * across, cosine * along - sine * across], axis=1)
 
 

@@ -8,7 +8,7 @@ look (the wandering of pose, the box) does average, as far as it is not correlat
 The second kind is also estimated from the scatter of the looks: its variance is multiplied by the variance
 factor chi-square / degrees of freedom of the rays' residuals where that is above 1. So the larger of what was
 predicted and what was observed counts (R. T. Birge, "The calculation of errors by the method of least
-squares", Phys. Rev. 40, 1932; W. Förstner, B. P. Wrobel, "Photogrammetric Computer Vision", 2016, sec. 4.2.3).
+squares", Phys. Rev. 40, 1932; W. Förstner, B. P. Wrobel, "Photogrammetric Computer Vision", 2016, ch. 4).
 """
 
 from __future__ import annotations
@@ -207,7 +207,5 @@ def _gimbal_axes(enu_from_camera: FloatArray) -> FloatArray:
     """Axes (3, 3), columns, about which yaw (clockwise), pitch (up) and roll turn the camera."""
     forward = enu_from_camera[:, 2]
     length = math.hypot(forward[0], forward[1])
-    right = (
-        np.array([forward[1], -forward[0], 0.0]) / length if length > 1e-9 else enu_from_camera[:, 0]
-    )
+    right = np.array([forward[1], -forward[0], 0.0]) / length if length > 1e-9 else enu_from_camera[:, 0]
     return np.stack([np.array([0.0, 0.0, -1.0]), right, forward], axis=1)

@@ -37,7 +37,7 @@ class Waypoint:
 
 @dataclass(frozen=True, eq=False)
 class SecondFlight:
-    """waypoints: in order; none without areas. home_enu: float64 (3,), on the ground, where it starts and ends.
+    """waypoints: in order; none without areas. home_enu: float64 (3,), on the ground, start and end.
 
     length_m: of the whole way, home and back. duration_s: with its hovering. order: ids of the areas.
     """
@@ -110,7 +110,7 @@ def _long_axis(offsets: FloatArray) -> FloatArray:
 
 
 def visiting_order(home: FloatArray, middles: dict[int, FloatArray]) -> list[int]:
-    """Ids in an order of a short round trip from home: nearest neighbour, then 2-opt until nothing improves."""
+    """Ids in an order of a short round trip from home: nearest neighbour, then 2-opt to the end."""
     order: list[int] = []
     here, left = np.asarray(home), dict(middles)
     while left:

@@ -1,15 +1,15 @@
 """Areas worth a second look: ground where a person may still be, and why.
 
 Negative and positive evidence say where people probably are; how well each place was observed says where the
-map does not know. What is worth most comes first: ``worth`` is the expected number of people still there, from
-a density of PRIOR_PER_M2 on ground that was looked at with a probability of detection (POD), and from the map
+map does not know. What is worth most comes first: ``worth`` is the expected number of people there, from a
+density of PRIOR_PER_M2 on ground that was looked at with a probability of detection (POD), and from the map
 itself where it is undecided.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 import rasterio
@@ -56,7 +56,7 @@ class Layers:
 class SecondLookArea:
     """id: from 1, the most worth first. reasons: area in square metres by reason. worth: expected people.
 
-    rings: closed outlines, each float64 (N, 2), east and north, metres: the outer one, counter-clockwise, then
+    rings: closed outlines, each float64 (N, 2), east and north, metres: the outer, counter-clockwise, then
     the holes. cells_enu: float64 (M, 2), the middles of the area's cells.
     """
 
@@ -79,39 +79,53 @@ def second_look_areas(
 ) -> tuple[SecondLookArea, ...]:
     """The areas inside the searched cells (rows, columns), the most worth first.
 
-    corner_m: east and north of the grid's south-west corner. Areas closer together than merge_distance are one;
+    corner_m: east and north of the grid's south-west corner. Areas closer than merge_distance are one;
     what is smaller than min_area is left out.
     """
     params = fusion.second_look
     reasons = _reasons(layers, searched, cell_m, fusion)
     wanted = np.any(reasons, axis=0)
-    worth = PRIOR_PER_M2 * cell_m**2 * np.where(wanted, 1.0 - layers.pod, 0.0)
     near = _grown(wanted, 0.5 * params.merge_distance / cell_m)
-    labels, count = ndimage.label(near, structure=np.ones((3, 3)))
+    labels, _ = ndimage.label(near, structure=np.ones((3, 3)))
     areas = []
     for label, window in enumerate(ndimage.find_objects(labels), start=1):
         mine = (labels[window] == label) & wanted[window]
-        if mine.sum() * cell_m**2 < params.min_area:
-            continue
-        undecided = mine & reasons[REASONS.index(UNRESOLVED)][window]
-        chance = float(layers.probability[window][undecided].max()) if undecided.any() else 0.0
-        found = {
-            name: float(area)
-            for k, name in enumerate(REASONS)
-            if (area := (mine & reasons[k][window]).sum() * cell_m**2) > 0.0
-        }
-        rows, columns = np.nonzero(mine)
-        start = np.array([window[1].start, window[0].start])
-        middles = np.array(corner_m) + (np.stack([columns, rows], axis=1) + start + 0.5) * cell_m
-        # the outline is that of the merged area, so that one area is one polygon
-        joined = ndimage.binary_closing(
-            np.pad(mine, _pad(params, cell_m)), _disc(0.5 * params.merge_distance / cell_m)
-        )
-        corner = np.array(corner_m) + (start - _pad(params, cell_m)) * cell_m
-        rings = _outline(joined, corner, cell_m)
-        total = float(worth[window][mine].sum()) + chance
-        areas.append(SecondLookArea(0, found, float(mine.sum()) * cell_m**2, total, rings, middles))
+        if mine.sum() * cell_m**2 >= params.min_area:
+            corner = np.array(corner_m) + cell_m * np.array([window[1].start, window[0].start])
+            parts = _part(layers, window)
+            areas.append(_area(parts, mine, reasons[:, *window], corner, cell_m, params))
     return _numbered(areas)
+
+
+def _part(layers: Layers, window: tuple[slice, slice]) -> Layers:
+    return Layers(*(getattr(layers, field.name)[window] for field in fields(Layers)))
+
+
+def _area(
+    layers: Layers,
+    mine: Mask,
+    reasons: NDArray[np.bool_],
+    corner: FloatArray,
+    cell_m: float,
+    params: SecondLook,
+) -> SecondLookArea:
+    """One area, as yet without a number; corner: of the layers' south-west cell."""
+    sizes = (reasons & mine).sum(axis=(1, 2)) * cell_m**2
+    undecided = mine & reasons[REASONS.index(UNRESOLVED)]
+    missed = PRIOR_PER_M2 * cell_m**2 * float((1.0 - layers.pod[mine]).sum())
+    chance = float(layers.probability[undecided].max()) if undecided.any() else 0.0
+    rows, columns = np.nonzero(mine)
+    # the outline is that of the joined pieces, so that one area is one polygon
+    pad, radius = _pad(params, cell_m), 0.5 * params.merge_distance / cell_m
+    joined = ndimage.binary_closing(np.pad(mine, pad), _disc(radius))
+    return SecondLookArea(
+        0,
+        {name: float(size) for name, size in zip(REASONS, sizes, strict=True) if size > 0.0},
+        float(mine.sum()) * cell_m**2,
+        missed + chance,
+        _outline(joined, corner - pad * cell_m, cell_m),
+        corner + (np.stack([columns, rows], axis=1) + 0.5) * cell_m,
+    )
 
 
 def _numbered(areas: Sequence[SecondLookArea]) -> tuple[SecondLookArea, ...]:

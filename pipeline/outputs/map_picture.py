@@ -78,9 +78,7 @@ def draw_map(
     return shown
 
 
-def second_look_picture(
-    voxel_map: VoxelMap, areas: Sequence[SecondLookArea], flight: SecondFlight
-) -> Figure:
+def second_look_picture(voxel_map: VoxelMap, areas: Sequence[SecondLookArea], flight: SecondFlight) -> Figure:
     """The areas worth a second look, by number, and the flight over them."""
     rings = {f"area {area.id}": area.rings[0] for area in areas}
     window = _window(voxel_map, rings | {"home": flight.home_enu[None]}, ())
@@ -92,7 +90,13 @@ def second_look_picture(
         axes.fill(*area.rings[0].T, fc="#E69F0066", ec="#A05A00", lw=1.4, zorder=3)
         for hole in area.rings[1:]:
             axes.fill(*hole.T, fc="#ffffff66", ec="#A05A00", lw=0.8, zorder=3)
-        style = {"ha": "center", "va": "center", "fontsize": 11, "fontweight": "bold", "zorder": 6}
+        style: dict[str, Any] = {
+            "ha": "center",
+            "va": "center",
+            "fontsize": 11,
+            "fontweight": "bold",
+            "zorder": 6,
+        }
         axes.annotate(str(area.id), area.cells_enu.mean(axis=0), path_effects=_HALO, **style)
     way = np.array([flight.home_enu, *(w.position_enu for w in flight.waypoints)])
     axes.plot(way[:, 0], way[:, 1], color="#0072B2", lw=1.5, zorder=4, path_effects=_HALO)

@@ -52,7 +52,7 @@ def write_qgc_plan(path: Path, flight: SecondFlight, frame: LocalFrame, params: 
 def qgc_plan(flight: SecondFlight, frame: LocalFrame, params: SecondLook) -> dict[str, Any]:
     """The plan as plain values.
 
-    Altitudes are metres above home. plannedHomePosition has the home's height above the terrain's datum, which
+    Altitudes are metres above home. plannedHomePosition has the height above the terrain's datum, which
     QGroundControl takes for that above sea level and only shows.
     """
     ((longitude, latitude, height),) = _degrees(flight.home_enu[None], frame)
@@ -118,7 +118,7 @@ def _degrees(points: FloatArray, frame: LocalFrame) -> list[list[float]]:
     """Longitude, latitude and, if there, height of points (N, 2 or 3)."""
     latitude, longitude = frame.wgs84_from_enu(points[:, 0], points[:, 1])
     columns = [np.round(longitude, 8), np.round(latitude, 8), *(np.round(h, 2) for h in points[:, 2:].T)]
-    return np.stack(columns, axis=1).tolist()  # type: ignore[no-any-return]
+    return np.stack(columns, axis=1).tolist()
 
 
 def _write(path: Path, document: dict[str, Any]) -> None:

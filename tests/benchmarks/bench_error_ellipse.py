@@ -129,9 +129,7 @@ def _surveyed(rng: np.random.Generator, terrain: Terrain, actual: Fusion) -> Ter
     return Terrain(terrain.frame, terrain.east_m, terrain.north_m, 0.5, heights.astype(np.float32))
 
 
-def _people(
-    rng: np.random.Generator, terrain: Terrain, off_m: float
-) -> list[tuple[FloatArray, FloatArray]]:
+def _people(rng: np.random.Generator, terrain: Terrain, off_m: float) -> list[tuple[FloatArray, FloatArray]]:
     """Place on the ground (3,) and surface (N, 3) of each body, which is not quite there; 12 m apart."""
     people = []
     for east in (-12.0, 0.0, 12.0):
@@ -143,7 +141,7 @@ def _people(
 
 
 def _body(rng: np.random.Generator) -> FloatArray:
-    angle, level = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 24), np.linspace(-1.0, 1.0, 13))
+    angle, level = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 16), np.linspace(-1.0, 1.0, 9))
     ring = np.sqrt(1.0 - level**2)
     size = np.array(BODIES[int(rng.integers(len(BODIES)))]) * rng.uniform(0.85, 1.1)
     points = np.stack([ring * np.cos(angle), ring * np.sin(angle), level], axis=-1).reshape(-1, 3)
@@ -177,13 +175,16 @@ def _flight(rng, stream, people, terrain, actual):  # type: ignore[no-untyped-de
         yield Detections(stream, "d", i, round(time_s * 1e9), told, boxes, scores, kinds)
 
 
-def _boxes(rng: np.random.Generator, people, pose: CameraPose, std_px: float) -> FloatArray:  # type: ignore[no-untyped-def]
+def _boxes(rng, people, pose, std_px):  # type: ignore[no-untyped-def]
+    """Of the people who are whole in the picture, nine of ten."""
     boxes = []
-    for _, surface in people:
+    middles = CAMERA.project_enu(np.array([center for center, _ in people]), pose)
+    near = (middles > 0.0).all(axis=1) & (middles < (CAMERA.width, CAMERA.height)).all(axis=1)
+    for surface in (people[k][1] for k in np.flatnonzero(near)):
         pixels = CAMERA.project_enu(surface, pose)
         box = np.concatenate([pixels.min(axis=0), pixels.max(axis=0)])
-        inside = np.isfinite(box).all() and (box > 0).all() and box[2] < CAMERA.width and box[3] < CAMERA.height
-        if inside and rng.random() < 0.9:
+        whole = (box > 0).all() and box[2] < CAMERA.width and box[3] < CAMERA.height
+        if whole and rng.random() < 0.9:
             # the box as a whole is off by std_px, and its size by a tenth
             size = rng.normal(1.0, 0.1, 2)
             middle, half = (box[:2] + box[2:]) / 2.0 + rng.normal(0.0, std_px, 2), (box[2:] - box[:2]) / 2.0
