@@ -153,7 +153,7 @@ def _errors_picture(errors: Sequence[Errors], paper: dict[float, tuple[float, fl
         drawn = axes.bar(x + 0.27 * (k - 1), values, 0.25, label=label, color=color)
         axes.bar_label(drawn, fmt="%.2f", fontsize=8)
     for k, e in enumerate(errors):
-        asked = "at most, as asked" if k == 0 else None
+        asked = "at most, as asked" if k == 0 else ""
         axes.hlines(paper[e.cell_m][1], k - 0.45, k + 0.45, color="#D55E00", ls="--", lw=1.2, label=asked)
     axes.set_xticks(x, [f"cells of {e.cell_m:g} m" for e in errors])
     axes.set_ylabel("mean position error, m")

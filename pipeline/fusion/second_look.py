@@ -97,7 +97,7 @@ def second_look_areas(
     return _numbered(areas)
 
 
-def _part(layers: Layers, window: tuple[slice, slice]) -> Layers:
+def _part(layers: Layers, window: tuple[slice, ...]) -> Layers:
     return Layers(*(getattr(layers, field.name)[window] for field in fields(Layers)))
 
 

@@ -41,11 +41,8 @@ def prepared():
 def walk():
     """Half a metre a second to the east, five frames a second."""
     for i in range(80):
-        corners = np.array([[x, 0.0, z] for x in (-0.25, 0.25) for z in (0.0, 1.7)]) + [
-            i / 10.0 - 4.0,
-            0.0,
-            0.0,
-        ]
+        east = i / 10.0 - 4.0
+        corners = np.array([[east + x, 0.0, z] for x in (-0.25, 0.25) for z in (0.0, 1.7)])
         pixels = CAMERA.project_enu(corners, POSE)
         box = np.concatenate([pixels.min(axis=0), pixels.max(axis=0)])[None]
         yield Detections(

@@ -19,7 +19,10 @@ NOTHING = Uncertainty().model_copy(
 )
 
 
-def look(south_m, angles_rad=(0.0, math.radians(-45.0), 0.0), camera_offset=(0.0, 0.0, 0.0), time_ns=0):
+DOWN = (0.0, math.radians(-45.0), 0.0)
+
+
+def look(south_m, angles_rad=DOWN, camera_offset=(0.0, 0.0, 0.0), time_ns=0):
     """Of a body whose middle is 0.4 m above (0, 0), from 15 m up; the pose may be told wrongly."""
     true_camera, body = np.array([1.0, -south_m, 15.0]), np.array([0.0, 0.0, 0.4])
     true = enu_from_camera(0.0, math.radians(-45.0), 0.0)
