@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,6 +22,7 @@ from pipeline.errors import InputError, NoPlanError
 from pipeline.geo.camera import Camera
 from pipeline.geo.frame import LocalFrame
 from pipeline.geo.search_area import load_search_area
+from pipeline.geo.surfaces import load_mesh
 from pipeline.geo.terrain import Terrain, frame_of, load_terrain
 from pipeline.stages.source import StreamInput
 from pipeline.telemetry.dji_srt import read_dji_srt
@@ -74,10 +76,10 @@ def prepare(path: Path, thorough: bool = False) -> PreparedMission:
     inventory, pool = load_inventory(mission.inventory), load_pool(mission.pool)
     _sites_exist(path, mission, inventory)
     require_codec(mission.processing.codec)
-    frame = frame_of(mission.terrain.file)
+    frame = _frame(mission)
     cameras = {s.id: load_camera(s.camera) for s in mission.streams}
     streams = tuple(_stream(path, mission, s, frame, cameras[s.id], thorough) for s in mission.streams)
-    terrain = load_terrain(mission.terrain.file, mission.fusion.cell_size, frame)
+    terrain = terrain_at(mission, frame, mission.fusion.cell_size)
     for stream in streams:
         _terrain_covers(mission, terrain, stream)
     if mission.search_area is not None:
@@ -86,6 +88,12 @@ def prepare(path: Path, thorough: bool = False) -> PreparedMission:
     own_site = {s.id: s.site for s in mission.streams}
     problem = build_problem(own_site, mission.processing, inventory, pool, where=path)
     return PreparedMission(path, mission, inventory, pool, terrain, cameras, streams, problem)
+
+
+def terrain_at(mission: Mission, frame: LocalFrame, cell_m: float) -> Terrain:
+    """The mission's terrain in cells of a size."""
+    load = load_terrain if mission.terrain.origin is None else load_mesh
+    return load(mission.terrain.file, cell_m, frame)
 
 
 def plan(prepared: PreparedMission) -> Plan:
@@ -103,6 +111,14 @@ def plan(prepared: PreparedMission) -> Plan:
     for assignment in result.assignments:
         prepared.model(assignment.pool_detector)
     return result
+
+
+def _frame(mission: Mission) -> LocalFrame:
+    """The map frame: its origin is the mesh's, or the middle of the surface model."""
+    origin = mission.terrain.origin
+    if origin is None:
+        return frame_of(mission.terrain.file)
+    return LocalFrame(math.degrees(origin.latitude), math.degrees(origin.longitude))
 
 
 def _stream(

@@ -19,6 +19,7 @@ from pipeline.config.units import (
     NonNegativeRadians,
     PositiveMeters,
     PositiveSeconds,
+    Radians,
     Seconds,
 )
 
@@ -31,11 +32,30 @@ SignificantPoint = Literal["bottom_center", "center"]
 PERSON_WIDTH_M, PERSON_HEIGHT_M = 0.5, 1.7
 
 
+class MeshOrigin(Strict):
+    """WGS84 position of a mesh's point (0, 0)."""
+
+    latitude: Radians
+    longitude: Radians
+
+    @model_validator(mode="after")
+    def _on_earth(self) -> MeshOrigin:
+        for name, most_deg in (("latitude", 90.0), ("longitude", 180.0)):
+            angle_deg = math.degrees(getattr(self, name))
+            if abs(angle_deg) > most_deg:
+                raise mismatch(f"{angle_deg:g} degrees", f"at most {most_deg:g} degrees", (name,))
+        return self
+
+
 class Terrain(Strict):
-    """A surface model (DSM) as a GeoTIFF with a CRS, heights in metres above the datum."""
+    """A surface model (DSM), a GeoTIFF with a CRS, or a mesh with an origin; heights above the datum, metres.
+
+    origin: where a mesh (x east, y north, z up, metres; PLY, OBJ, STL, OFF or GLB) lies.
+    """
 
     file: Path
     height_datum: Datum = "ellipsoid"
+    origin: MeshOrigin | None = None
 
 
 class Telemetry(Strict):

@@ -1,8 +1,9 @@
 """Experiment 1: the same detections with the detector's relative accuracy, and with half of it.
 
 The probability of one update is 0.5 + p_area p_det_rel score p_positive_max. The paper's two figures are what
-this gives for one update with p_area score p_positive_max = 0.44, 0.5 + 0.98 x 0.44 and 0.5 + 0.49 x 0.44. So every place is looked at about once here, too: with many looks both maps reach the clamp, and the
-difference is gone. That is measured beside it.
+this gives for one update with p_area score p_positive_max = 0.44: 0.5 + 0.98 x 0.44 and 0.5 + 0.49 x 0.44.
+So every place is looked at about once here, too. With many looks both maps reach the clamp, and the difference
+is gone; that is measured beside it.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ _CHANGES: dict[str, object] = {
     "cell_size": 0.5,
 }
 _WHY = {
-    "frames": f"one every {INTERVAL_S:g} s: a place is looked at about once; means over {PHASES} first frames",
+    "frames": f"one every {INTERVAL_S:g} s: a place is seen about once; means over {PHASES} first frames",
     "p_positive_max": "0.5, the greatest there is, and p_negative_max 0.05",
     "tukey_alpha": "0: a box of any allowed size counts in full",
     "threshold": "0.55: with half the accuracy one look of score 0.65 gives 0.66",

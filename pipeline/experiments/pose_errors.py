@@ -45,7 +45,7 @@ _FAST = PoseNoise.model_validate(
 )
 #: the same in words, for the report
 PAPERS_FLIGHT = {
-    "position": "0.5 m (one standard deviation) on each axis, constant to 300 s: the paper's drone without RTK "
+    "position": "0.5 m (one deviation) on each axis, constant to 300 s: the paper's drone without RTK "
     "is specified to hover within 1.5 m of where it should, taken as three standard deviations; with it the "
     "paper's own way of placing comes near the paper's figures (the second group of figures)",
     "attitude": "1.0 degree in each of yaw, pitch and roll, constant to 300 s: a calibrated compass, and a "

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 from pipeline.config.mission import Fusion
 from pipeline.fusion.fuser import Fuser
 from pipeline.fusion.salient import SalientLocation, salient_locations
-from pipeline.geo.terrain import Terrain, load_terrain
 from pipeline.messages import Detections
 from pipeline.outputs.truth import TruePerson, TruthMatch, load_truth, match_truth
-from pipeline.preflight import PreparedMission
+from pipeline.preflight import PreparedMission, terrain_at
 
 #: with this many metres a place still belongs to a person: half of how far apart the people of the
 #: experiments' missions are, so that a large error is counted as an error and not as a missed person
@@ -45,7 +44,8 @@ def fuse_again(
 
     after: called with the number of each result and the fuser that has taken it.
     """
-    terrain = terrain_at(prepared, fusion.cell_size)
+    same = fusion.cell_size == prepared.mission.fusion.cell_size
+    terrain = prepared.terrain if same else terrain_at(prepared.mission, prepared.frame, fusion.cell_size)
     by_pool = relative_accuracy or prepared.relative_accuracy
     by_detector = {result.detector: by_pool[result.detector.rpartition(":")[2]] for result in results}
     fuser = Fuser(terrain, fusion, prepared.cameras, by_detector)
@@ -56,10 +56,3 @@ def fuse_again(
     locations = salient_locations(fuser.map, fuser.looks, fusion)
     truth = load_truth(prepared.mission.truth, prepared.frame) if prepared.mission.truth else ()
     return Fused(fuser, fusion, locations, truth, match_truth(locations, truth, MATCH_RADIUS_M))
-
-
-def terrain_at(prepared: PreparedMission, cell_m: float) -> Terrain:
-    """The mission's terrain in cells of another size."""
-    if prepared.mission.fusion.cell_size == cell_m:
-        return prepared.terrain
-    return load_terrain(prepared.mission.terrain.file, cell_m, prepared.frame)

@@ -29,8 +29,8 @@ class SalientLocation:
     id: from 1, in the order of first sight. class_name: what is there. probability: mean of the cluster's
     voxels, 0..1. position_enu: float64 (3,), metres, on the terrain. latitude_deg, longitude_deg: WGS84.
     height_m: above the terrain's datum. error: of the position, horizontal. spread_m: standard deviation of
-    the looks' ground points about their mean, horizontal. cells: voxels in the cluster. looks: detections that
-    it rests on. first_seen_ns, last_seen_ns: capture times, ns UTC. streams: who saw it, sorted.
+    the looks' ground points about their mean, horizontal. cells: voxels in the cluster. looks: detections
+    that it rests on. first_seen_ns, last_seen_ns: capture times, ns UTC. streams: who saw it, sorted.
     """
 
     id: int

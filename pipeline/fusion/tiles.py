@@ -54,6 +54,17 @@ class Tiles:
                 self._file = mmap.mmap(file.fileno(), 0)
             self.cells = np.frombuffer(self._file, dtype=dtype, count=size)
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Only the touched tiles travel between processes; they arrive in memory."""
+        tiles = [(tile, self.tile(*tile).tobytes()) for tile in self.touched_tiles()]
+        return {"shape": self.shape, "dtype": self.cells.dtype, "owned": self.owned, "tiles": tiles}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__init__(state["shape"], state["dtype"], None, state["owned"])  # type: ignore[misc]
+        for tile, data in state["tiles"]:
+            self.tile(*tile)[:] = np.frombuffer(data, dtype=state["dtype"]).reshape(TILE, TILE)
+            self.touched[tile] = True
+
     def flat(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> NDArray[np.int64]:
         """Where the cells (N,) lie in ``cells``."""
         tile = (rows >> TILE_BITS) * self.touched.shape[1] + (columns >> TILE_BITS)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numba
 import numpy as np
@@ -25,6 +26,20 @@ def plane(
     """A level terrain of one height that covers a rectangle of the map frame."""
     shape = math.ceil((north_m - south_m) / cell_m), math.ceil((east_m - west_m) / cell_m)
     return Terrain(frame, west_m, south_m, cell_m, np.full(shape, height_m, dtype=np.float32))
+
+
+def load_mesh(path: Path, cell_m: float, frame: LocalFrame) -> Terrain:
+    """The terrain of a mesh file, see sampled_mesh; the frame's origin is the mesh's (0, 0)."""
+    if not path.is_file():
+        raise InputError(path, "no file", "a mesh")
+    try:
+        mesh = trimesh.load_mesh(path)
+    except Exception as error:  # each of trimesh's readers raises what it likes
+        raise InputError(path, f"a file that is no mesh ({type(error).__name__})", "a mesh") from None
+    try:
+        return sampled_mesh(mesh, frame, cell_m)
+    except InputError as error:
+        raise InputError(path, error.found, error.expected) from None
 
 
 def sampled_mesh(mesh: trimesh.Trimesh, frame: LocalFrame, cell_m: float) -> Terrain:

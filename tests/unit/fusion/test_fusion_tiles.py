@@ -1,3 +1,5 @@
+import pickle
+
 import numpy as np
 import pytest
 
@@ -68,3 +70,12 @@ def test_a_grid_larger_than_memory_takes_what_is_touched(tmp_path):
     tiles = Tiles((200_000, 200_000), RECORD, tmp_path)  # 320 GB
     _write(tiles, [199_999], [199_999], [9])
     assert tiles.part("b", (slice(199_998, 200_000), slice(199_998, 200_000))).tolist() == [[0, 0], [0, 9]]
+
+
+def test_only_touched_tiles_travel(tiles):
+    _write(tiles, [5, 300], [6, 700], [1, 2])
+    data = pickle.dumps(tiles)
+    arrived = pickle.loads(data)
+    assert len(data) < 2.1 * TILE * TILE * RECORD.itemsize
+    assert arrived.cells.tobytes() == tiles.cells.tobytes()
+    assert list(arrived.touched_tiles()) == list(tiles.touched_tiles())

@@ -4,7 +4,7 @@ import trimesh
 
 from pipeline.errors import InputError
 from pipeline.geo.frame import LocalFrame
-from pipeline.geo.surfaces import plane, sampled_mesh
+from pipeline.geo.surfaces import load_mesh, plane, sampled_mesh
 
 FRAME = LocalFrame(47.0, 8.0)
 
@@ -57,3 +57,20 @@ def test_cells_without_a_surface_are_unknown():
 def test_a_mesh_without_a_surface_is_refused(mesh):
     with pytest.raises(InputError, match="mesh"):
         sampled_mesh(mesh, FRAME, 1.0)
+
+
+@pytest.mark.parametrize("suffix", ["ply", "obj", "stl", "off", "glb"])
+def test_a_mesh_file_is_read(tmp_path, suffix):
+    box = trimesh.creation.box(extents=(8.0, 6.0, 4.0))
+    box.export(tmp_path / f"mesh.{suffix}")
+    terrain = load_mesh(tmp_path / f"mesh.{suffix}", 0.5, FRAME)
+    assert terrain.shape == (12, 16)
+    assert terrain.height(0.0, 0.0) == pytest.approx(2.0)
+
+
+def test_a_file_that_is_no_mesh_is_refused_in_one_line(tmp_path):
+    (tmp_path / "text.ply").write_text("no mesh")
+    for name in ("none.ply", "text.ply"):
+        with pytest.raises(InputError, match=name) as error:
+            load_mesh(tmp_path / name, 0.5, FRAME)
+        assert "\n" not in str(error.value)
