@@ -155,9 +155,9 @@ def _print_people(summary) -> None:  # type: ignore[no-untyped-def]
     from pipeline.outputs.report import verdict
     from pipeline.outputs.utc import clock_utc
 
-    table = Table(title=verdict(summary.locations, summary.match))
+    table = Table(title=verdict(summary.locations, summary.match), pad_edge=False, caption="±: 95 %")
     distance = {} if summary.match is None else summary.match.distance_m
-    for column in ("place", "prob.", "latitude", "longitude", "± m (95 %)", "seen from", "to", "off by"):
+    for column in ("no.", "prob.", "latitude", "longitude", "±", "from", "to", "off by"):
         table.add_column(column, justify="right", no_wrap=True)
     for place in summary.locations:
         known = (
@@ -172,7 +172,7 @@ def _print_people(summary) -> None:  # type: ignore[no-untyped-def]
             f"{place.probability:.2f}",
             f"{place.latitude_deg:.7f}",
             f"{place.longitude_deg:.7f}",
-            f"{place.error.semi_major_m:.2f}",
+            f"{place.error.semi_major_m:.2f} m",
             clock_utc(place.first_seen_ns),
             clock_utc(place.last_seen_ns),
             known,

@@ -18,7 +18,7 @@ from pipeline.config.mission import Uncertainty
 from pipeline.experiments.detection_cache import Progress, detections_of
 from pipeline.experiments.experiment_report import Experiment, Measure
 from pipeline.experiments.pose_errors import PAPERS_FLIGHT, STATED, mission_with_pose_errors
-from pipeline.experiments.refusion import Fused, fuse_again
+from pipeline.experiments.refusion import Fused, fuse_again, prepare_with_truth
 from pipeline.fusion.localization import mean_intersection
 from pipeline.fusion.salient import looks_by_location
 from pipeline.messages import Detections, FloatArray
@@ -53,7 +53,7 @@ class Errors:
 
 def cell_sizes(mission: Path, out: Path, progress: Progress) -> Experiment:
     """Experiment 3. mission: with truth. out: its detections are kept there."""
-    prepared = prepare(mission)
+    prepared = prepare_with_truth(mission)
     results = detections_of(prepared, out / "detections.msgpack", progress)
     fused = [[_fuse(prepared, results, cell)] for cell in CELLS_M]
     errors = [_errors(cell, runs) for cell, runs in zip(CELLS_M, fused, strict=True)]
@@ -64,7 +64,7 @@ def cell_sizes(mission: Path, out: Path, progress: Progress) -> Experiment:
 
 def cell_sizes_with_pose_errors(mission: Path, out: Path, progress: Progress) -> Experiment:
     """Experiment 4: the same videos; the telemetry is written again with errors, FLIGHTS times."""
-    results = detections_of(prepare(mission), out / "detections.msgpack", progress)
+    results = detections_of(prepare_with_truth(mission), out / "detections.msgpack", progress)
     fused: list[list[Fused]] = [[] for _ in CELLS_M]
     for flight in range(FLIGHTS):
         disturbed = prepare(mission_with_pose_errors(mission, out / f"flight-{flight + 1}", flight))

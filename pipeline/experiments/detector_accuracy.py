@@ -2,8 +2,8 @@
 
 The probability of one update is 0.5 + p_area p_det_rel score p_positive_max. The paper's two figures are what
 this gives for one update with p_area score p_positive_max = 0.44: 0.5 + 0.98 x 0.44 and 0.5 + 0.49 x 0.44.
-So every place is looked at about once here, too. With many looks both maps reach the clamp, and the difference
-is gone; that is measured beside it.
+So every place is looked at about once here, too. With many looks both maps reach the clamp, and the
+difference is gone; that is measured beside it.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from matplotlib.figure import Figure
 from pipeline.config.mission import Fusion
 from pipeline.experiments.detection_cache import Progress, detections_of
 from pipeline.experiments.experiment_report import Experiment, Measure
-from pipeline.experiments.refusion import Fused, fuse_again
+from pipeline.experiments.refusion import Fused, fuse_again, prepare_with_truth
 from pipeline.messages import Detections
 from pipeline.outputs.map_picture import draw_map
-from pipeline.preflight import PreparedMission, prepare
+from pipeline.preflight import PreparedMission
 
 NOMINAL = 0.98
 #: a place is in the picture for about 7 s of a lane
@@ -56,7 +56,7 @@ class Certainty:
 
 def detector_accuracy(mission: Path, out: Path, progress: Progress) -> Experiment:
     """mission: with truth. out: its detections are kept there."""
-    prepared = prepare(mission)
+    prepared = prepare_with_truth(mission)
     results = detections_of(prepared, out / "detections.msgpack", progress)
     fusion = prepared.mission.fusion.model_copy(update=_CHANGES)
     once = [results_at(prepared, results, k * INTERVAL_S / PHASES) for k in range(PHASES)]

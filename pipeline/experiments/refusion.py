@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from pipeline.config.mission import Fusion
+from pipeline.errors import InputError
 from pipeline.fusion.fuser import Fuser
 from pipeline.fusion.salient import SalientLocation, salient_locations
 from pipeline.messages import Detections
 from pipeline.outputs.truth import TruePerson, TruthMatch, load_truth, match_truth
-from pipeline.preflight import PreparedMission, terrain_at
+from pipeline.preflight import PreparedMission, prepare, terrain_at
 
 #: with this many metres a place still belongs to a person: half of how far apart the people of the
 #: experiments' missions are, so that a large error is counted as an error and not as a missed person
@@ -56,3 +58,11 @@ def fuse_again(
     locations = salient_locations(fuser.map, fuser.looks, fusion)
     truth = load_truth(prepared.mission.truth, prepared.frame) if prepared.mission.truth else ()
     return Fused(fuser, fusion, locations, truth, match_truth(locations, truth, MATCH_RADIUS_M))
+
+
+def prepare_with_truth(mission: Path) -> PreparedMission:
+    """As ``prepare``; InputError if nobody knows where the people are."""
+    prepared = prepare(mission)
+    if prepared.mission.truth is None or not load_truth(prepared.mission.truth, prepared.frame):
+        raise InputError(f"{mission} truth", "nobody", "a file with the people's true places")
+    return prepared
