@@ -51,7 +51,7 @@ def main() -> None:
             if not mission.is_file():
                 searchlight("simulate", ROOT / f"configs/scenarios/{name}.yaml", "--out", mission.parent)
             lines.append(f"{name}: {run(mission, out / name)}")
-        for script in ("bench_fusion.py", "bench_fusion_throughput.py", "bench_link.py"):
+        for script in ("bench_fusion.py", "bench_error_ellipse.py", "bench_fusion_throughput.py", "bench_link.py"):
             subprocess.run([sys.executable, ROOT / "tests/benchmarks" / script], cwd=ROOT, check=True)
     print(*lines, sep="\n")
 
