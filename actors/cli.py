@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
@@ -12,15 +12,16 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from actors.commands import allocate, evaluate, pool
+from actors.commands import allocate, evaluate, experiment, pool
+from actors.terminal import progress_bars as _progress
+from actors.terminal import say as _say
 from pipeline.errors import InputError, SearchlightError
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, help=__doc__)
 app.command()(allocate.allocate)
-console = Console(stderr=True)
+app.add_typer(experiment.app, name="experiment")
 evaluate.register(app)
 pool.register(app)
 
@@ -140,10 +141,6 @@ def main() -> None:
         sys.exit(error.exit_code)
 
 
-def _say(line: str) -> None:
-    console.print(line, soft_wrap=True, highlight=False, markup=False)
-
-
 def _run_local(prepared, progress):  # type: ignore[no-untyped-def]
     from pipeline.local import run_local
     from pipeline.preflight import plan
@@ -157,34 +154,13 @@ def _run_local(prepared, progress):  # type: ignore[no-untyped-def]
     )
 
 
-@contextmanager
-def _progress(unit: str) -> Iterator[Callable[..., None]]:
-    bars = Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.completed:.0f}/{task.total:.0f} " + unit),
-        TextColumn("{task.fields[note]}"),
-        TimeRemainingColumn(),
-        console=console,
-    )
-    tasks: dict[str, TaskID] = {}
-
-    def update(name: str, done: int, total: int, note: str = "") -> None:
-        if name not in tasks:
-            tasks[name] = bars.add_task(name, total=total, note="")
-        bars.update(tasks[name], completed=done, total=total, note=note)
-
-    with bars:
-        yield update
-
-
 def _print_people(summary) -> None:  # type: ignore[no-untyped-def]
     from pipeline.outputs.report import verdict
     from pipeline.outputs.utc import clock_utc
 
-    table = Table(title=verdict(summary.locations, summary.match))
+    table = Table(title=verdict(summary.locations, summary.match), pad_edge=False, caption="±: 95 %")
     distance = {} if summary.match is None else summary.match.distance_m
-    for column in ("place", "prob.", "latitude", "longitude", "seen from", "to", "off by"):
+    for column in ("no.", "prob.", "latitude", "longitude", "±", "from", "to", "off by"):
         table.add_column(column, justify="right", no_wrap=True)
     for place in summary.locations:
         known = (
@@ -199,6 +175,7 @@ def _print_people(summary) -> None:  # type: ignore[no-untyped-def]
             f"{place.probability:.2f}",
             f"{place.latitude_deg:.7f}",
             f"{place.longitude_deg:.7f}",
+            f"{place.error.semi_major_m:.2f} m",
             clock_utc(place.first_seen_ns),
             clock_utc(place.last_seen_ns),
             known,

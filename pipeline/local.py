@@ -33,10 +33,19 @@ class LocalResult:
 def run_local(prepared: PreparedMission, plan: Plan, progress: Progress) -> LocalResult:
     """Process every stream, one frame of each in turn. progress(stream, frames done, frames in all)."""
     reducer = make_reducer(prepared, plan, lateness=False)
+    counts, sent = process(prepared, plan, reducer.push, progress)
+    reducer.finish()
+    return LocalResult(reducer, counts, sent)
+
+
+def process(
+    prepared: PreparedMission, plan: Plan, push: Callable[[Message], None], progress: Progress
+) -> tuple[dict[str, SourceCount], dict[tuple[str, str], int]]:
+    """Run all but the reducer: push gets its messages. The sources' counts, and bytes per (stream, site)."""
     stages = make_detectors(prepared, plan)
 
     def deliver_from(stream: str) -> Callable[[str, Message], None]:
-        return lambda detector, message: reducer.push(stages[stream, detector].process(message, 0))
+        return lambda detector, message: push(stages[stream, detector].process(message, 0))
 
     links = {
         s.stream: VirtualLink(bandwidth(prepared, plan, s.stream), deliver_from(s.stream))
@@ -48,10 +57,9 @@ def run_local(prepared: PreparedMission, plan: Plan, progress: Progress) -> Loca
     running = {s.stream: _step(s, sources[s.stream], progress) for s in prepared.streams}
     while running:
         running = {name: steps for name, steps in running.items() if next(steps, None) is not None}
-    reducer.finish()
     counts = {name: source.count for name, source in sources.items()}
     sent = {(name, site): count for name, link in links.items() for site, count in link.bytes_sent.items()}
-    return LocalResult(reducer, counts, sent)
+    return counts, sent
 
 
 def make_reducer(prepared: PreparedMission, plan: Plan, *, lateness: bool) -> ReducerStage:

@@ -22,6 +22,7 @@ from pipeline.errors import InputError, NoPlanError, NoPlanInTimeError
 from pipeline.geo.camera import Camera
 from pipeline.geo.expected_size import expected_person_px
 from pipeline.geo.frame import LocalFrame
+from pipeline.geo.search_area import load_search_area
 from pipeline.geo.surfaces import load_mesh
 from pipeline.geo.terrain import Terrain, frame_of, load_terrain
 from pipeline.stages.source import StreamInput
@@ -80,15 +81,22 @@ def prepare(path: Path, thorough: bool = False) -> PreparedMission:
     frame = _frame(mission)
     cameras = {s.id: load_camera(s.camera) for s in mission.streams}
     streams = tuple(_stream(path, mission, s, frame, cameras[s.id], thorough) for s in mission.streams)
-    load = load_terrain if mission.terrain.origin is None else load_mesh
-    terrain = load(mission.terrain.file, mission.fusion.cell_size, frame)
+    terrain = terrain_at(mission, frame, mission.fusion.cell_size)
     for stream in streams:
         _terrain_covers(mission, terrain, stream)
+    if mission.search_area is not None:
+        load_search_area(mission.search_area, frame)
     _models_load(pool)
     own_site = {s.id: s.site for s in mission.streams}
     person_px = {s.stream: _person_px(terrain, cameras[s.stream], s) for s in streams}
     problem = build_problem(own_site, mission.processing, inventory, pool, where=path, person_px=person_px)
     return PreparedMission(path, mission, inventory, pool, terrain, cameras, streams, problem)
+
+
+def terrain_at(mission: Mission, frame: LocalFrame, cell_m: float) -> Terrain:
+    """The mission's terrain in cells of a size."""
+    load = load_terrain if mission.terrain.origin is None else load_mesh
+    return load(mission.terrain.file, cell_m, frame)
 
 
 def plan(prepared: PreparedMission) -> Plan:

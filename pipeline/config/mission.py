@@ -13,6 +13,10 @@ from pipeline.config.units import (
     Bitrate,
     Hertz,
     Meters,
+    MetersPerSecond,
+    NonNegativeMeters,
+    NonNegativePixels,
+    NonNegativeRadians,
     PositiveMeters,
     PositiveSeconds,
     Radians,
@@ -142,6 +146,53 @@ class ObjectSize(Strict):
         return self
 
 
+class Uncertainty(Strict):
+    """Standard deviations of everything that a place is computed from; its error ellipse follows from them.
+
+    Biases are the same for all looks of a stream, so that no number of looks averages them away; noise
+    wanders with the correlation time. position: each horizontal axis; height: the vertical one; attitude:
+    each of yaw, pitch and roll. box: the centre of a box in a picture. terrain: height of the surface about
+    a place. body: the middle of a person from the middle of the boxes, which posture and cover move.
+
+    The defaults are those of a drone with plain satellite positioning: open-sky receivers state 1.5 m within
+    which half of the positions lie (1.5 m / 1.177 on each axis) and heights half as good again; compasses and
+    gimbals are good to a degree. With RTK a mission should say so.
+    """
+
+    position_bias: NonNegativeMeters = 1.3
+    height_bias: NonNegativeMeters = 2.0
+    attitude_bias: NonNegativeRadians = math.radians(1.0)
+    position_noise: NonNegativeMeters = 0.1
+    attitude_noise: NonNegativeRadians = math.radians(0.2)
+    correlation_time: PositiveSeconds = 2.0
+    box: NonNegativePixels = 2.0
+    terrain: NonNegativeMeters = 0.25
+    body: NonNegativeMeters = 0.12
+
+
+class SecondLook(Strict):
+    """Which ground is worth a second look, and how a drone would look at it.
+
+    pod_min, resolution_min (pixels per person), looks_min: seen worse than that is seen badly.
+    unresolved_from: a probability from there to the threshold is undecided, if there were unresolved_looks
+    observations at least. min_area (square metres): smaller areas are left out, after those closer than
+    merge_distance have been made one. height (above the surface), speed, overlap (of neighbouring strips,
+    0..0.9), hover: of the proposed flight.
+    """
+
+    pod_min: Fraction = 0.5
+    resolution_min: NonNegativePixels = 20.0
+    looks_min: int = Field(default=1, ge=0)
+    unresolved_from: Fraction = 0.3
+    unresolved_looks: int = Field(default=5, ge=1)
+    min_area: float = Field(default=6.0, gt=0.0)
+    merge_distance: PositiveMeters = 2.0
+    height: PositiveMeters = 12.0
+    speed: MetersPerSecond = 3.0
+    overlap: float = Field(default=0.3, ge=0.0, le=0.9)
+    hover: PositiveSeconds = 4.0
+
+
 class ObjectClass(Strict):
     """What a class of objects looks like. id: the detectors' class id. name: of its layer of the map.
 
@@ -176,6 +227,8 @@ class Fusion(Strict):
     clamp_min: float = Field(default=0.1192, ge=0.0, lt=0.5)
     clamp_max: float = Field(default=0.971, gt=0.5, le=1.0)
     lateness: PositiveSeconds
+    uncertainty: Uncertainty = Uncertainty()
+    second_look: SecondLook = SecondLook()
 
     @model_validator(mode="after")
     def _threshold_can_be_reached(self) -> Fusion:
@@ -208,7 +261,10 @@ class Fusion(Strict):
 
 
 class Mission(Strict):
-    """Everything a run reads. Paths are relative to the mission file."""
+    """Everything a run reads. Paths are relative to the mission file.
+
+    search_area: a GeoJSON polygon of the ground to search; absent: what the drones' ways enclose.
+    """
 
     name: str
     terrain: Terrain
@@ -218,6 +274,7 @@ class Mission(Strict):
     processing: Processing
     fusion: Fusion
     truth: Path | None = None
+    search_area: Path | None = None
 
     @model_validator(mode="after")
     def _streams_are_unique(self) -> Mission:
@@ -246,5 +303,6 @@ def load_mission(path: Path) -> Mission:
             "inventory": base / mission.inventory,
             "pool": base / mission.pool,
             "truth": None if mission.truth is None else base / mission.truth,
+            "search_area": None if mission.search_area is None else base / mission.search_area,
         }
     )

@@ -70,6 +70,7 @@ class Fuser:
         self._visibility = Visibility(terrain, owned)
         self._terrain = terrain
         self._cameras, self._p_detector = dict(cameras), dict(relative_accuracy)
+        self._pixel_rad = {stream: 1.0 / math.sqrt(c.fx * c.fy) for stream, c in cameras.items()}
         self._models = {
             (stream, c.name): SensorModel(camera, params, c)
             for stream, camera in cameras.items()
@@ -167,7 +168,20 @@ class Fuser:
             return "not the size of its class, or no trust"
         time_ns, stream, detector = detections.order
         return Look(
-            time_ns, stream, detector, score, p, row, column, hit, position, to_center, object_class.name, i
+            time_ns,
+            stream,
+            detector,
+            score,
+            p,
+            row,
+            column,
+            hit,
+            position,
+            to_center,
+            detections.pose.enu_from_camera,
+            self._pixel_rad[stream],
+            object_class.name,
+            i,
         )
 
     def _observe(

@@ -18,6 +18,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from pipeline.fusion.salient import SalientLocation
+from pipeline.fusion.second_flight import SecondFlight
+from pipeline.fusion.second_look import SecondLookArea
 from pipeline.fusion.voxel_map import VoxelMap
 from pipeline.messages import FloatArray
 from pipeline.outputs.truth import TruePerson
@@ -25,6 +27,7 @@ from pipeline.outputs.truth import TruePerson
 #: after Okabe and Ito: apart from each other and from the probability's colours, also for the colour-blind
 TRACK_COLORS = ("#0072B2", "#009E73", "#CC79A7", "#56B4E9", "#332288", "#882255")
 _LINE_STYLES = ("-", "--", "-.", ":")
+_ELLIPSE: dict[str, Any] = {"color": "#B3123B", "lw": 1.3}
 _MARGIN_M = 8.0
 _MOST_PIXELS = 1400
 _DPI = 150
@@ -55,6 +58,59 @@ def map_picture(
     if handles:
         columns = 2
         figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False, fontsize=10)
+    return figure
+
+
+def draw_map(
+    axes: Axes,
+    voxel_map: VoxelMap,
+    locations: Sequence[SalientLocation],
+    truth: Sequence[TruePerson] = (),
+) -> ScalarMappable:
+    """The same as a small picture among others: relief, probability, people and places; for a colour bar."""
+    window = _window(voxel_map, {}, truth)
+    _draw_ground(axes, voxel_map, window)
+    shown = _draw_colors(axes, voxel_map, window)
+    _draw_truth(axes, truth)
+    for place in locations:
+        axes.plot(*(place.position_enu[:2] + place.error.outline()).T, zorder=6, **_ELLIPSE)
+    axes.tick_params(labelsize=8)
+    return shown
+
+
+def second_look_picture(voxel_map: VoxelMap, areas: Sequence[SecondLookArea], flight: SecondFlight) -> Figure:
+    """The areas worth a second look, by number, and the flight over them."""
+    rings = {f"area {area.id}": area.rings[0] for area in areas}
+    window = _window(voxel_map, rings | {"home": flight.home_enu[None]}, ())
+    figure = Figure(figsize=_size_in(voxel_map, window), dpi=_DPI, layout="constrained")
+    axes = figure.add_subplot()
+    _draw_ground(axes, voxel_map, window)
+    _draw_colors(axes, voxel_map, window)
+    for area in areas:
+        axes.fill(*area.rings[0].T, fc="#E69F0066", ec="#A05A00", lw=1.4, zorder=3)
+        for hole in area.rings[1:]:
+            axes.fill(*hole.T, fc="#ffffff66", ec="#A05A00", lw=0.8, zorder=3)
+        style: dict[str, Any] = {
+            "ha": "center",
+            "va": "center",
+            "fontsize": 11,
+            "fontweight": "bold",
+            "zorder": 6,
+        }
+        axes.annotate(str(area.id), area.cells_enu.mean(axis=0), path_effects=_HALO, **style)
+    way = np.array([flight.home_enu, *(w.position_enu for w in flight.waypoints)])
+    axes.plot(way[:, 0], way[:, 1], color="#0072B2", lw=1.5, zorder=4, path_effects=_HALO)
+    hover = np.array([w.position_enu for w in flight.waypoints if w.hover_s > 0.0]).reshape(-1, 3)
+    axes.plot(hover[:, 0], hover[:, 1], "o", color="#0072B2", mec="white", ms=6, zorder=5)
+    axes.plot(*flight.home_enu[:2], marker="s", color="black", mec="white", ms=8, zorder=5)
+    _draw_scale_and_north(axes)
+    axes.set_xlabel("east of the map's origin, m")
+    axes.set_ylabel("north, m")
+    handles = [
+        Line2D([], [], ls="", marker="s", color="#E69F00", mec="#A05A00", label="worth a second look"),
+        Line2D([], [], color="#0072B2", label="proposed flight (dot: hover, square: home)"),
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False, fontsize=10)
     return figure
 
 
@@ -122,6 +178,12 @@ def _draw_ground(axes: Axes, voxel_map: VoxelMap, window: Window) -> None:
 
 
 def _draw_probability(figure: Figure, axes: Axes, voxel_map: VoxelMap, window: Window) -> None:
+    shown = _draw_colors(axes, voxel_map, window)
+    bar = figure.colorbar(shown, ax=axes, shrink=0.6, aspect=28, pad=0.01)
+    bar.set_label("probability of a person (no colour: not looked at)", fontsize=9)
+
+
+def _draw_colors(axes: Axes, voxel_map: VoxelMap, window: Window) -> ScalarMappable:
     observed = voxel_map.layer("observations", window) > 0
     shown = _block_max(np.where(observed, voxel_map.probability(window), np.nan))
     colors, scale = _colors(), Normalize(0.0, 1.0)
@@ -132,8 +194,7 @@ def _draw_probability(figure: Figure, axes: Axes, voxel_map: VoxelMap, window: W
         interpolation="nearest",
         zorder=1,
     )
-    bar = figure.colorbar(ScalarMappable(scale, colors), ax=axes, shrink=0.6, aspect=28, pad=0.01)
-    bar.set_label("probability of a person (no colour: not looked at)", fontsize=9)
+    return ScalarMappable(scale, colors)
 
 
 def _block_max(values: FloatArray) -> FloatArray:
@@ -186,6 +247,8 @@ def _draw_places(axes: Axes, locations: Sequence[SalientLocation]) -> list[Line2
     for place in locations:
         east, north = place.position_enu[:2]
         axes.plot(east, north, zorder=6, **style)
+        outline = place.position_enu[:2] + place.error.outline()
+        axes.plot(*outline.T, zorder=6, **_ELLIPSE)
         axes.annotate(
             str(place.id),
             (east, north),
@@ -197,7 +260,9 @@ def _draw_places(axes: Axes, locations: Sequence[SalientLocation]) -> list[Line2
             path_effects=[patheffects.withStroke(linewidth=3.5, foreground="white")],
         )
     small = style | {"ms": 10}
-    return [Line2D([], [], ls="", label="found place, with its number", **small)] if locations else []
+    found = Line2D([], [], ls="", label="found place, with its number", **small)
+    ellipse = Line2D([], [], label="its error ellipse, 95 %", **_ELLIPSE)
+    return [found, ellipse] if locations else []
 
 
 def _draw_scale_and_north(axes: Axes) -> None:

@@ -45,6 +45,7 @@ def test_places_tracks_and_truth_are_in_the_legend(search: Search) -> None:
         "track of drone-2 (dot: start)",
         "true place",
         "found place, with its number",
+        "its error ellipse, 95 %",
     ]
     numbers = {text.get_text() for text in figure.axes[0].texts}
     assert {"1", "2", "3", "N"} <= numbers
