@@ -15,11 +15,14 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from actors.commands import allocate, evaluate, pool
+from actors.commands import allocate, evaluate, experiment_allocation, pool
 from pipeline.errors import InputError, SearchlightError
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, help=__doc__)
 app.command()(allocate.allocate)
+experiment = typer.Typer(no_args_is_help=True, help="The paper's experiments, its figures beside ours.")
+experiment_allocation.register(experiment)
+app.add_typer(experiment, name="experiment")
 console = Console(stderr=True)
 evaluate.register(app)
 pool.register(app)
