@@ -48,10 +48,15 @@ class CellResult:
 
     @property
     def speed_up(self) -> float | None:
-        """Literal model's wall time over ours; None unless both came to an end."""
+        """The literal model's CPU time over ours; None unless both came to an end.
+
+        Both use one thread, so it is the ratio of the times on a machine that does nothing else.
+        """
         if self.literal is None or not (self.literal.proven and self.ours.proven):
             return None
-        return self.literal.seconds / self.ours.seconds
+        assert self.literal.cpu_seconds is not None
+        assert self.ours.cpu_seconds is not None
+        return self.literal.cpu_seconds / self.ours.cpu_seconds
 
     @property
     def same(self) -> bool | None:
@@ -79,7 +84,7 @@ def measure_cells(
     progress("cells", len(cells) - len(todo), len(cells), "")
     if todo:
         (out / "cells").mkdir(parents=True, exist_ok=True)
-        _warm_up(instance)
+        warm_up(instance)
     for number, cell in enumerate(todo, start=len(cells) - len(todo)):
         progress("cells", number, len(cells), cell.name)
         result = measure(instance, cell, literal_limit_s)
@@ -103,7 +108,7 @@ def load_results(instance: PaperInstance, out: Path) -> list[CellResult]:
     return [result for result in loaded if result is not None]
 
 
-def _warm_up(instance: PaperInstance) -> None:
+def warm_up(instance: PaperInstance) -> None:
     """Numba compiles, or reads what it has compiled, at the first call."""
     (cell,) = [cell for cell in CELLS if cell.name == _WARM_UP]
     decomposed.solve(instance.problem(cell), time_limit_s=_LIMIT_S)
