@@ -33,7 +33,7 @@ class PaperInstance:
     @property
     def digest(self) -> str:
         """The same for the same content of both files."""
-        content = self.pool.model_dump_json() + self.inventory.model_dump_json()
+        content = "".join(file.model_dump_json(exclude_defaults=True) for file in (self.pool, self.inventory))
         return hashlib.sha256(content.encode()).hexdigest()
 
     def problem(self, cell: Cell) -> Problem:
