@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from enum import StrEnum
@@ -80,21 +79,19 @@ def run(
 ) -> None:
     """Detect, fuse and map: from video files to the people found."""
     from actors.mission import RunOptions, run_on_ray
+    from pipeline.local import run_local
     from pipeline.outputs.safe_write import check_run_directory
-    from pipeline.preflight import prepare
-    from pipeline.publish import FinishedRun, publish
+    from pipeline.preflight import plan, prepare
+    from pipeline.publish import publish
 
     check_run_directory(out)
     prepared = prepare(mission)
     with _progress("frames") as progress:
         if local:
-            finished = _run_local(prepared, progress)
+            finished = run_local(prepared, plan(prepared), progress)
         else:
             options = RunOptions(pace.value, address, metrics_port, metrics_host)
-            result = run_on_ray(prepared, options, progress, _say)
-            finished = FinishedRun(
-                result.plan, result.reducer, result.counts, result.bytes_sent, result.seconds, pace.value
-            )
+            finished = run_on_ray(prepared, options, progress, _say)
     summary = publish(prepared, finished, out)
     _print_people(summary)
     _say(f"{summary.video_seconds:.1f} s of video in {summary.seconds:.1f} s; see {out / 'report.html'}")
@@ -140,19 +137,6 @@ def main() -> None:
     except SearchlightError as error:
         _say(f"error: {error}")
         sys.exit(error.exit_code)
-
-
-def _run_local(prepared, progress):  # type: ignore[no-untyped-def]
-    from pipeline.local import run_local
-    from pipeline.preflight import plan
-    from pipeline.publish import FinishedRun
-
-    chosen = plan(prepared)
-    started = time.monotonic()
-    result = run_local(prepared, chosen, progress)
-    return FinishedRun(
-        chosen, result.reducer, result.counts, result.bytes_sent, time.monotonic() - started, "local"
-    )
 
 
 def _print_people(summary) -> None:  # type: ignore[no-untyped-def]

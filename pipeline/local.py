@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import time
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 from pipeline.allocation.plan import Plan
@@ -22,20 +23,28 @@ Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True, eq=False)
-class LocalResult:
-    """The reducer with the map, the sources' counts, bytes per (stream, site)."""
+class FinishedRun:
+    """What a run leaves behind, before it is written.
 
+    plan: what ran. reducer: with the map. counts: of the sources. bytes_sent: per (stream, site). seconds:
+    first frame to last result. pace: ``realtime``, ``max`` or ``local``.
+    """
+
+    plan: Plan
     reducer: ReducerStage
     counts: dict[str, SourceCount]
-    bytes_sent: dict[tuple[str, str], int]
+    bytes_sent: Mapping[tuple[str, str], int]
+    seconds: float
+    pace: str
 
 
-def run_local(prepared: PreparedMission, plan: Plan, progress: Progress) -> LocalResult:
+def run_local(prepared: PreparedMission, plan: Plan, progress: Progress) -> FinishedRun:
     """Process every stream, one frame of each in turn. progress(stream, frames done, frames in all)."""
+    started = time.monotonic()
     reducer = make_reducer(prepared, plan, lateness=False)
     counts, sent = process(prepared, plan, reducer.push, progress)
     reducer.finish()
-    return LocalResult(reducer, counts, sent)
+    return FinishedRun(plan, reducer, counts, sent, time.monotonic() - started, "local")
 
 
 def process(

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 
 from pipeline.allocation.gantt import gantt
-from pipeline.allocation.plan import Plan, plan_to_json
+from pipeline.allocation.plan import plan_to_json
 from pipeline.evidence import evidence_pictures
 from pipeline.fusion.salient import SalientLocation, locations_of_all_classes
+from pipeline.local import FinishedRun
 from pipeline.messages import FloatArray
 from pipeline.outputs.map_picture import map_picture, png, second_look_picture
 from pipeline.outputs.report import ReportData, write_report
@@ -26,25 +26,7 @@ from pipeline.outputs.truth import TruePerson, load_truth, match_truth
 from pipeline.preflight import PreparedMission
 from pipeline.second_look import plan_second_look
 from pipeline.stages.accounts import stream_account, substream_counts
-from pipeline.stages.reducer import ReducerStage
-from pipeline.stages.source import SourceCount
 from pipeline.telemetry.track import pose_at
-
-
-@dataclass(frozen=True, eq=False)
-class FinishedRun:
-    """What a run leaves behind, before it is written.
-
-    pace: ``realtime``, ``max`` or ``local``. bytes_sent: per (stream, site). seconds: first frame to last
-    result.
-    """
-
-    plan: Plan
-    reducer: ReducerStage
-    counts: dict[str, SourceCount]
-    bytes_sent: Mapping[tuple[str, str], int]
-    seconds: float
-    pace: str
 
 
 def publish(prepared: PreparedMission, run: FinishedRun, out: Path) -> Summary:
