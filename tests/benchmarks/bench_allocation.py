@@ -86,7 +86,7 @@ def varied_problem(copies: int, detectors_per_stream: int, streams: int, classes
     problem = paper_problem(copies, detectors_per_stream, streams)
     accuracy = {d.detector: d.accuracy for d in problem.detectors}
     links = [{s: _link_bps(rng) for s in problem.sites} for _ in range(classes)]
-    accuracies = [{name: _varied(rng, row) for name, row in accuracy.items()} for _ in range(classes)]
+    accuracies = [{name: _varied(rng, row) for name, row in sorted(accuracy.items())} for _ in range(classes)]
     of_class = {stream: number % classes for number, stream in enumerate(problem.streams)}
     return replace(
         problem,
