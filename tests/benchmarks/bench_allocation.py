@@ -135,13 +135,13 @@ def to_gap(problem: Problem, gap: float, limit_s: float) -> Lines:
 
 def own() -> Lines:
     """150 streams that are all different."""
-    for detectors_per_stream in (2, 3):
+    for detectors_per_stream in (2, 3, 4, 5):
         yield from to_gap(varied_problem(10, detectors_per_stream, 150, 150, seed=1), 1e-3, 10.0)
 
 
 def classes() -> Lines:
     """1,000 streams in 50 classes."""
-    for detectors_per_stream in (2, 3):
+    for detectors_per_stream in (2, 3, 5):
         yield from to_gap(varied_problem(100, detectors_per_stream, 1000, 50, seed=2), 1e-2, 30.0)
 
 
