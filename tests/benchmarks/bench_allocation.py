@@ -35,7 +35,7 @@ from pipeline.experiments.paper_instance import PaperInstance, load_paper_instan
 from pipeline.experiments.paper_tables import Cell, cells_named
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
-SPEED_CELLS = ("ilp_eval1a-dps2-v2", "ilp_eval1a-dps3-v2")
+SPEED_CELLS = ("ilp_eval1a-dps2-v25", "ilp_eval1b-dps2-v25")
 LINKS_MBPS = (0.5, 1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0, 30.0)
 REPEATS = 3
 
