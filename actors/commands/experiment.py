@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from actors.terminal import progress_bars, say
-from pipeline.errors import InputError
+from pipeline.outputs.safe_write import make_folder
 
 app = typer.Typer(no_args_is_help=True, help="The paper's experiments, its figures beside ours.")
 
@@ -62,19 +62,12 @@ def pose_errors(out: Out, mission: Mission = _DEMO) -> None:
 def _run(experiment: Callable[..., object], source: Path, out: Path) -> None:
     from pipeline.experiments.experiment_report import write_experiment
 
-    _folder(out)
+    make_folder(out)
     with progress_bars("steps") as progress:
         found = experiment(source, out, progress)
     write_experiment(out, found)  # type: ignore[arg-type]
     _print(found)
     say(f"see {out / 'report.html'}")
-
-
-def _folder(out: Path) -> None:
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(out, f"no place to write ({error.strerror})", "a folder that can be made") from None
 
 
 def _print(found) -> None:  # type: ignore[no-untyped-def]

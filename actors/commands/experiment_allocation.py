@@ -11,6 +11,7 @@ import typer
 from actors.commands.tables import print_table
 from actors.terminal import progress_bars, say
 from pipeline.errors import InputError
+from pipeline.outputs.safe_write import make_folder
 
 PoolFile = Annotated[Path, typer.Option(help="The pool of the paper's networks.")]
 
@@ -71,20 +72,13 @@ def allocation(
     chosen = cells_named(cell) if cell else QUICK_CELLS if quick else CELLS
     limit_s = min(literal_limit, QUICK_LITERAL_LIMIT_S) if quick else literal_limit
     instance = load_paper_instance(pool, inventory)
-    _folder(out)
+    make_folder(out)
     with progress_bars("cells") as progress:
         measure_cells(instance, chosen, out, limit_s, progress)
     results = load_results(instance, out)
     write_report(out, results)
     _print_results(results)
     say(f"see {out / 'report.md'}")
-
-
-def _folder(out: Path) -> None:
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(out, f"no place to write ({error.strerror})", "a folder that can be made") from None
 
 
 def _print_results(results) -> None:  # type: ignore[no-untyped-def]

@@ -42,6 +42,14 @@ def write_text(path: Path, text: str) -> None:
     write_bytes(path, text.encode("utf-8"))
 
 
+def make_folder(path: Path) -> None:
+    """Make a folder that may exist, with those above it. Raises InputError where that cannot be."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(path, f"no place to write ({error.strerror})", "a folder that can be made") from None
+
+
 def check_run_directory(path: Path) -> None:
     """Raise InputError unless a run may write here: absent, empty, or the directory of an earlier run."""
     try:

@@ -35,7 +35,7 @@ from pipeline.experiments.paper_instance import PaperInstance, load_paper_instan
 from pipeline.experiments.paper_tables import Cell, cells_named
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
-SPEED_CELLS = ("ilp_eval1a-dps2-v2", "ilp_eval1a-dps3-v2")
+SPEED_CELLS = ("ilp_eval1a-dps2-v25", "ilp_eval1b-dps2-v25")
 LINKS_MBPS = (0.5, 1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0, 30.0)
 REPEATS = 3
 
@@ -86,7 +86,7 @@ def varied_problem(copies: int, detectors_per_stream: int, streams: int, classes
     problem = paper_problem(copies, detectors_per_stream, streams)
     accuracy = {d.detector: d.accuracy for d in problem.detectors}
     links = [{s: _link_bps(rng) for s in problem.sites} for _ in range(classes)]
-    accuracies = [{name: _varied(rng, row) for name, row in accuracy.items()} for _ in range(classes)]
+    accuracies = [{name: _varied(rng, row) for name, row in sorted(accuracy.items())} for _ in range(classes)]
     of_class = {stream: number % classes for number, stream in enumerate(problem.streams)}
     return replace(
         problem,
@@ -135,13 +135,13 @@ def to_gap(problem: Problem, gap: float, limit_s: float) -> Lines:
 
 def own() -> Lines:
     """150 streams that are all different."""
-    for detectors_per_stream in (2, 3):
+    for detectors_per_stream in (2, 3, 4, 5):
         yield from to_gap(varied_problem(10, detectors_per_stream, 150, 150, seed=1), 1e-3, 10.0)
 
 
 def classes() -> Lines:
     """1,000 streams in 50 classes."""
-    for detectors_per_stream in (2, 3):
+    for detectors_per_stream in (2, 3, 5):
         yield from to_gap(varied_problem(100, detectors_per_stream, 1000, 50, seed=2), 1e-2, 30.0)
 
 

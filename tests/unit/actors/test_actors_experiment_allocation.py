@@ -53,3 +53,12 @@ def test_bad_input_is_named_and_nothing_is_written(tmp_path: Path, arguments: li
     assert isinstance(result.exception, InputError)
     assert named in str(result.exception)
     assert not out.exists()
+
+
+def test_a_file_in_the_place_of_the_folder_is_refused_by_name(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    out.write_text("mine", encoding="utf-8")
+    result = CliRunner().invoke(app, ["experiment", "allocation", "--quick", "--out", str(out)])
+    assert isinstance(result.exception, InputError)
+    assert str(out) in str(result.exception)
+    assert out.read_text(encoding="utf-8") == "mine"
