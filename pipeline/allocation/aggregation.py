@@ -88,14 +88,22 @@ class Aggregation:
         return np.where(stream_class.allowed, stream_class.value * OBJECTIVE_RESOLUTION, FORBIDDEN)
 
 
-def aggregate(problem: Problem, apart: frozenset[str] = frozenset(), kept: Kept = frozenset()) -> Aggregation:
-    """Find what is interchangeable. apart: machines that stay groups of their own."""
+def aggregate(
+    problem: Problem,
+    apart: frozenset[str] = frozenset(),
+    kept: Kept = frozenset(),
+    alone: frozenset[str] = frozenset(),
+) -> Aggregation:
+    """Find what is interchangeable.
+
+    apart: machines that stay groups of their own. alone: streams that stay classes of their own.
+    """
     groups, kinds = _groups_and_kinds(problem, apart)
     load = np.array(
         [[round(b) * (problem.cycle // k.period) for b in problem.bitrates_bps] for k in kinds],
         dtype=np.int64,
     ).reshape(len(kinds), len(problem.bitrates_bps))
-    classes = _classes(problem, kinds, load, kept)
+    classes = _classes(problem, kinds, load, kept, alone)
     return Aggregation(problem, groups, kinds, classes, load, problem.penalty_units)
 
 
@@ -157,7 +165,7 @@ def _memory(problem: Problem, memory_bytes: float) -> int | None:
 
 
 def _classes(
-    problem: Problem, kinds: tuple[Kind, ...], load: NDArray[np.int64], kept: Kept
+    problem: Problem, kinds: tuple[Kind, ...], load: NDArray[np.int64], kept: Kept, alone: frozenset[str]
 ) -> tuple[StreamClass, ...]:
     by_id = {d.id: d for d in problem.detectors}
     firsts = [by_id[kind.detectors[0]] for kind in kinds]
@@ -172,7 +180,7 @@ def _classes(
         mine = _kept_counts(kind_of, running.get(stream, []))
         links = tuple(problem.link(stream, site) for site in problem.sites)
         own = tuple(problem.stream_accuracy.get((stream, network)) for network in networks)
-        key = (links, own, tuple(sorted(mine.items())))
+        key = (links, own, tuple(sorted(mine.items())), stream if stream in alone else None)
         streams[key].append(stream)
         counts[key] = mine
     return tuple(

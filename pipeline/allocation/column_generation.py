@@ -46,14 +46,14 @@ class Columns:
 class Relaxation:
     """The end of column generation.
 
-    bound: no plan is worth more (in the goal's unit, a float). prices: of the kinds, the objective and kept
-    substreams, at which it was computed. best: per class the greatest worth of a configuration at these
-    prices, -inf if it has none. unserved: streams without a configuration, in sum. complete: no configuration
-    betters it.
+    bound: no plan is worth more (in the goal's unit, a float). prices: by class, of the kinds, the objective
+    and kept substreams, at which it was computed. best: per class the greatest worth of a configuration at
+    these prices, -inf if it has none. unserved: streams without a configuration, in sum. complete: no
+    configuration betters it.
     """
 
     bound: float
-    prices: Prices
+    prices: tuple[Prices, ...]
     best: tuple[float, ...]
     unserved: float
     complete: bool
@@ -69,8 +69,8 @@ def relax(
     best: Relaxation | None = None
     while True:
         solution = master.solve()
-        prices = _prices(rows, goal, solution)
-        offers = [pricer.best(c, prices) for c in aggregation.classes]
+        prices = tuple(_prices(rows, goal, solution, c) for c in range(len(aggregation.classes)))
+        offers = [pricer.best(c, p) for c, p in zip(aggregation.classes, prices, strict=True)]
         bests = tuple(max((o.profit for o in of_class), default=-math.inf) for of_class in offers)
         bound = _bound(aggregation, rows, goal, solution.duals, solution.floor_dual, bests)
         found = Relaxation(bound, prices, bests, solution.unserved, complete=False)
@@ -84,10 +84,10 @@ def relax(
             return replace(best, unserved=solution.unserved)
 
 
-def _prices(rows: Rows, goal: Goal, solution: LinearSolution) -> Prices:
+def _prices(rows: Rows, goal: Goal, solution: LinearSolution, stream_class: int) -> Prices:
     value = {"value": 1.0, "kept": solution.floor_dual, "nothing": 0.0}[goal.of]
     kept = {"value": solution.floor_dual, "kept": 1.0, "nothing": 0.0}[goal.of]
-    return Prices(rows.prices(solution.duals), value, kept)
+    return Prices(rows.prices(solution.duals, stream_class), value, kept)
 
 
 def _bound(

@@ -11,11 +11,12 @@ from __future__ import annotations
 import time
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
-from pipeline.allocation.aggregation import Aggregation, Kept, aggregate
+from pipeline.allocation.aggregation import Aggregation, Kept
 from pipeline.allocation.configuration import Configuration
 from pipeline.allocation.covering import phases_of
+from pipeline.allocation.distinctness import Distinctions, Unpacked, tell_apart
 from pipeline.allocation.integer_master import IntegerSolution
 from pipeline.allocation.master import Rows
 from pipeline.allocation.packing import Stay, Use, pack_group
@@ -38,36 +39,31 @@ def solve(
     """
     start = time.perf_counter()
     deadline_s = time.monotonic() + time_limit_s
-    apart: frozenset[str] = frozenset()
+    known = Distinctions()
+    search = known.search(problem, frozenset(), deadline_s=deadline_s, seed=seed)
     while True:
-        search = Search(aggregate(problem, apart), deadline_s=deadline_s, seed=seed)
         found = search.solve(search.value_goal(), gap_limit)
         if found.solution is None:
             return without_plan(problem, found.status, time.perf_counter() - start, search)
         placed = place(search.aggregation, search.rows, found, deadline_s=deadline_s)
         if not isinstance(placed, Unpacked):
             return finished(problem, found, placed, time.perf_counter() - start, search)
-        apart |= placed.machines
-
-
-@dataclass(frozen=True)
-class Unpacked:
-    """A group whose detectors fit by size, but not without one stream using a detector twice."""
-
-    machines: frozenset[str]
+        before, known = known, tell_apart(search, placed, known)
+        if known != before:
+            search = known.search(problem, frozenset(), deadline_s=deadline_s, seed=seed)
 
 
 def finished(
     problem: Problem, best: Found, assignments: tuple[Assignment, ...], solve_s: float, search: Search
 ) -> Plan:
     """The plan of these assignments; best: the search for the best objective, whose bound it is given."""
-    assert best.solution is not None
     assert best.bound is not None
     value = objective(problem, assignments)
     slack = max(best.bound * OBJECTIVE_RESOLUTION - value, 0.0)
     slack = 0.0 if slack <= GAP_TOLERANCE else slack
     gap = slack / max(1.0, abs(value))
-    return Plan(best.status, value, value + slack, gap, problem.cycle, assignments, solve_s, *_size(search))
+    status: Status = "feasible" if slack else "optimal"
+    return Plan(status, value, value + slack, gap, problem.cycle, assignments, solve_s, *_size(search))
 
 
 def without_plan(problem: Problem, status: Status, solve_s: float, search: Search) -> Plan:
@@ -96,7 +92,7 @@ def place(
         limit_s = max(deadline_s - time.monotonic(), 1.0)
         machines = pack_group(aggregation, rows, g, of_group, filled, stays.get(g, ()), limit_s)
         if machines is None:
-            return Unpacked(frozenset(aggregation.groups[g].machines))
+            return Unpacked(g, tuple(of_group), tuple(filled))
         detectors += zip(of_group, machines, strict=True)
     return _assignments(aggregation, detectors, running)
 

@@ -7,6 +7,8 @@ cost fixing; Baldacci, Christofides, Mingozzi 2008). An integer master over all 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from pipeline.allocation.aggregation import Aggregation
@@ -45,13 +47,16 @@ def add_enumerated(
     aggregation: Aggregation,
     states: States,
     columns: Columns,
-    prices: Prices,
+    prices: Sequence[Prices],
     least: tuple[float, ...],
     room: int,
 ) -> bool:
-    """Add all configurations worth their class's least to the columns; False if there are too many."""
+    """Add all configurations worth their class's least to the columns; False if there are too many.
+
+    prices, least: by class.
+    """
     for number, of_class in enumerate(least):
-        found = enumerate_class(aggregation, states, number, prices, of_class, room)
+        found = enumerate_class(aggregation, states, number, prices[number], of_class, room)
         if found is None:
             return False
         room -= len(found)

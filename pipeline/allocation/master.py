@@ -1,5 +1,8 @@
 """The master problem: how many streams of each class take each configuration.
 
+Sizes alone do not keep a stream from using one detector twice. Where a packing fails for that reason a *cut*
+is added (``Cut``), a condition that every packing meets and the failed one does not.
+
 Rows: one per class (its streams are all served), and those of the machine groups. A group with listed
 patterns has one row per size, ``used - held by the chosen patterns <= 0``, and one for its number of
 machines. A group with too many patterns has one row for its whole memory, and one for sharing (a detector
@@ -11,6 +14,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +24,21 @@ from pipeline.allocation.aggregation import Aggregation, Kind
 from pipeline.allocation.configuration import Configuration
 from pipeline.allocation.memory import GroupMemory, group_memory
 from pipeline.messages import FloatArray
+
+
+@dataclass(frozen=True)
+class Cut:
+    """What some detectors of one size in a group need because those of one pair lie on different machines.
+
+    members: (class, kind); pairs: how many pairs (stream, kind) these are. A machine holds each pair at most
+    once, so that the members' detectors are at most the sum over machines of min(room for the size, pairs)
+    (Gale 1957, Ryser 1957).
+    """
+
+    group: int
+    size: int
+    members: frozenset[tuple[int, int]]
+    pairs: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,10 +58,16 @@ class Rows:
     memories: tuple[GroupMemory | None, ...]
     first_row: tuple[int, ...]
     supplies: tuple[tuple[int, ...], ...]
+    cuts: tuple[tuple[int, Cut], ...]
 
-    def prices(self, duals: FloatArray) -> FloatArray:
-        """float64 (kinds,): what one detector of each kind pays for the rows."""
-        return np.array([sum(amount * duals[row] for row, amount in uses) for uses in self.uses])
+    def prices(self, duals: FloatArray, stream_class: int) -> FloatArray:
+        """float64 (kinds,): what one detector of each kind pays for the rows when this class uses it."""
+        prices = np.array([sum(amount * duals[row] for row, amount in uses) for uses in self.uses])
+        for row, cut in self.cuts:
+            for number, kind in cut.members:
+                if number == stream_class:
+                    prices[kind] += duals[row]
+        return prices
 
     def machines_worth(self, duals: FloatArray) -> float:
         """The greatest worth of all machines at these prices (duals at least 0): part of the bound."""
@@ -62,11 +87,13 @@ class Rows:
         for kind in chosen.kinds:
             for row, amount in self.uses[kind]:
                 amounts[row] += amount
-        return dict(amounts)
+            for row, cut in self.cuts:
+                amounts[row] += (chosen.stream_class, kind) in cut.members
+        return {row: amount for row, amount in amounts.items() if amount}
 
 
-def rows_of(aggregation: Aggregation) -> Rows:
-    """The rows of all groups."""
+def rows_of(aggregation: Aggregation, cuts: Sequence[Cut] = ()) -> Rows:
+    """The rows of all groups, and of the cuts; a group with a cut has listed patterns."""
     memories = tuple(group_memory(aggregation, g) for g in range(len(aggregation.groups)))
     limit: list[int] = []
     supply: list[tuple[tuple[int, int], ...]] = []
@@ -83,6 +110,15 @@ def rows_of(aggregation: Aggregation) -> Rows:
         elif memory is not None:
             limit += [memory.machines * (memory.capacity or 0), memory.machines * _sharing_unit(memory)]
         supplies.append(tuple(range(begun, len(supply))))
+    first_cut = len(limit)
+    limit += [0] * len(cuts)
+    for row, cut in enumerate(cuts, start=first_cut):
+        memory = memories[cut.group]
+        assert memory is not None
+        assert memory.patterns is not None
+        for s, pattern in zip(supplies[cut.group], memory.patterns, strict=True):
+            room = min(pattern[cut.size], cut.pairs)
+            supply[s] = ((row, -room), *supply[s]) if room else supply[s]
     uses = tuple(_uses(kind, memories[kind.group], first_row[kind.group]) for kind in aggregation.kinds)
     size_of = tuple(_size_of(kind, memories[kind.group]) for kind in aggregation.kinds)
     return Rows(
@@ -93,6 +129,7 @@ def rows_of(aggregation: Aggregation) -> Rows:
         memories,
         tuple(first_row),
         tuple(supplies),
+        tuple(enumerate(cuts, start=first_cut)),
     )
 
 

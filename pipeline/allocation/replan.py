@@ -13,8 +13,9 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from pipeline.allocation.aggregation import Aggregation, aggregate
-from pipeline.allocation.decomposed import Unpacked, finished, kept_of, place, without_plan
+from pipeline.allocation.aggregation import Aggregation
+from pipeline.allocation.decomposed import finished, kept_of, place, without_plan
+from pipeline.allocation.distinctness import Distinctions, Unpacked, tell_apart
 from pipeline.allocation.plan import Assignment, Plan
 from pipeline.allocation.problem import OBJECTIVE_RESOLUTION, Problem
 from pipeline.allocation.search import GAP_UNITS, Found, Search
@@ -22,7 +23,7 @@ from pipeline.allocation.search import GAP_UNITS, Found, Search
 
 @dataclass(frozen=True)
 class Replanned:
-    """The new plan, and what changes.
+    """The new plan, and what changes. The plan's bound and gap are to the best plan, however much it moves.
 
     best_objective: of the best plan, however much it moves; None without a plan. kept, ended, begun: numbers
     of substreams. fewest: whether it is proven that no plan within the loss ends fewer.
@@ -45,26 +46,31 @@ def replan(
     """
     start = time.perf_counter()
     deadline_s = time.monotonic() + time_limit_s
-    apart: frozenset[str] = frozenset()
+    known, kept = Distinctions(), kept_of(running)
+    search = known.search(problem, kept, deadline_s=deadline_s, seed=seed)
     answer: Replanned | None = None
     while True:
-        search = Search(aggregate(problem, apart, kept_of(running)), deadline_s=deadline_s, seed=seed)
         best = search.solve(search.value_goal())
         if best.solution is None:
             plan = without_plan(problem, best.status, time.perf_counter() - start, search)
             return answer or Replanned(plan, None, 0, len(running), 0, fewest=False)
-        chosen, proven = _fewest(search, best, loss)
-        placed = place(search.aggregation, search.rows, chosen, running, deadline_s=deadline_s)
+        before, proven = known, False
+        placed = place(search.aggregation, search.rows, best, deadline_s=deadline_s)
+        if not isinstance(placed, Unpacked):
+            chosen, proven = _fewest(search, best, loss)
+            placed = place(search.aggregation, search.rows, chosen, running, deadline_s=deadline_s)
         if isinstance(placed, Unpacked):
-            apart |= placed.machines
-            continue
-        displaced = _displaced(search.aggregation, placed, running)
-        plan = finished(problem, best, placed, time.perf_counter() - start, search)
-        found = _replanned(plan, best, placed, running, proven and not displaced)
-        answer = found if answer is None or found.kept >= answer.kept else answer
-        if not displaced or time.monotonic() > deadline_s:
-            return answer
-        apart |= displaced
+            known = tell_apart(search, placed, known)
+        else:
+            displaced = _displaced(search.aggregation, placed, running)
+            plan = finished(problem, best, placed, time.perf_counter() - start, search)
+            found = _replanned(plan, best, placed, running, proven and not displaced)
+            answer = found if answer is None or found.kept >= answer.kept else answer
+            if not displaced or time.monotonic() > deadline_s:
+                return answer
+            known = Distinctions(known.machines | displaced, known.streams)
+        if known != before:
+            search = known.search(problem, kept, deadline_s=deadline_s, seed=seed)
 
 
 def _fewest(search: Search, best: Found, loss: float) -> tuple[Found, bool]:

@@ -19,7 +19,7 @@ from pipeline.allocation.configuration import Configuration
 from pipeline.allocation.enumeration import add_enumerated
 from pipeline.allocation.integer_master import KEPT_UNITS, IntegerSolution, solve_integer
 from pipeline.allocation.linear_master import Goal
-from pipeline.allocation.master import rows_of
+from pipeline.allocation.master import Cut, rows_of
 from pipeline.allocation.plan import Status
 from pipeline.allocation.pricing import Pricer
 from pipeline.allocation.problem import OBJECTIVE_RESOLUTION
@@ -58,6 +58,10 @@ class Search:
         self.columns = Columns(aggregation)
         self._pricer = Pricer(aggregation)
         self._deadline_s, self._seed = deadline_s, seed
+
+    def cut(self, cut: Cut) -> None:
+        """Exclude what no packing meets; the columns stay."""
+        self.rows = rows_of(self.aggregation, [*(known for _, known in self.rows.cuts), cut])
 
     def value_goal(self, least_kept: int | None = None) -> Goal:
         """The paper's objective, while at least so many substreams of a running plan go on."""

@@ -1,0 +1,76 @@
+"""When detectors fit a group by size, but not without one stream using a detector twice: what to add, to go
+on.
+
+With listed patterns a cut is added. It speaks of pairs (stream, kind), so that the streams in it must first
+be classes of their own. Without listed patterns the machines of the group are told apart: a stream then has
+one detector of each kind on each of them, and nothing is left to be confused.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from pipeline.allocation.aggregation import Kept, aggregate
+from pipeline.allocation.master import Cut
+from pipeline.allocation.packing import Use
+from pipeline.allocation.problem import Problem
+from pipeline.allocation.search import Search
+
+
+@dataclass(frozen=True)
+class Unpacked:
+    """A group, all its detectors in use, and how many of each size each machine was to hold."""
+
+    group: int
+    uses: tuple[Use, ...]
+    filled: tuple[tuple[int, ...], ...]
+
+
+@dataclass(frozen=True)
+class Distinctions:
+    """What is told apart so far: machines, and streams."""
+
+    machines: frozenset[str] = frozenset()
+    streams: frozenset[str] = frozenset()
+
+    def search(self, problem: Problem, kept: Kept, *, deadline_s: float, seed: int) -> Search:
+        """A new search with these distinctions."""
+        aggregation = aggregate(problem, self.machines, kept, self.streams)
+        return Search(aggregation, deadline_s=deadline_s, seed=seed)
+
+
+def tell_apart(search: Search, unpacked: Unpacked, known: Distinctions) -> Distinctions:
+    """Exclude the failed packing: by a cut in the search, or else by what is given back, for a new search."""
+    pairs = violated(search, unpacked)
+    if pairs is None:
+        machines = search.aggregation.groups[unpacked.group].machines
+        return Distinctions(known.machines | set(machines), known.streams)
+    number = {stream: c for c, one in enumerate(search.aggregation.classes) for stream in one.streams}
+    classes = [search.aggregation.classes[number[stream]] for stream, _ in pairs]
+    several = {stream for one in classes if len(one.streams) > 1 for stream in one.streams}
+    if several:
+        return Distinctions(known.machines, known.streams | several)
+    members = frozenset((number[stream], kind) for stream, kind in pairs)
+    size = search.rows.size_of[pairs[0][1]]
+    assert size is not None
+    search.cut(Cut(unpacked.group, size[1], members, len(pairs)))
+    return known
+
+
+def violated(search: Search, unpacked: Unpacked) -> Sequence[tuple[str, int]] | None:
+    """Pairs (stream, kind) of one size that have more detectors than the machines have room for them, the
+    pairs with most first; None if no condition of the kind of ``Cut`` fails.
+    """
+    memory = search.rows.memories[unpacked.group]
+    if memory is None or memory.patterns is None:
+        return None
+    for size in range(len(memory.sizes)):
+        mine = [use for use in unpacked.uses if search.rows.size_of[use.kind] == (unpacked.group, size)]
+        pairs = Counter((use.stream, use.kind) for use in mine).most_common()
+        for k in range(1, len(pairs) + 1):
+            room = sum(min(pattern[size], k) for pattern in unpacked.filled)
+            if sum(count for _, count in pairs[:k]) > room:
+                return [pair for pair, _ in pairs[:k]]
+    return None
