@@ -112,9 +112,7 @@ class Pricer:
         for p in range(len(self.states.periods)):
             here = self._by_site_and_period.get((site, p), [])
             keeps = [k for k in here if prices.kept > 0.0 and stream_class.kept[k].any()]
-            free = [
-                k for k in here if k not in keeps and self._aggregation.kinds[k].copies >= self._per_stream
-            ]
+            free = [k for k in here if self._aggregation.kinds[k].copies >= self._per_stream]
             floor = profits[free].max(axis=0) if free else np.full(profits.shape[1], FORBIDDEN)
             if free:
                 best = np.asarray(free)[profits[free].argmax(axis=0)]
@@ -124,7 +122,15 @@ class Pricer:
                 for _ in range(self._aggregation.kinds[k].copies):
                     yield from self._unit(p, False, profits[k], [(k, b) for b in range(profits.shape[1])])
             for k in keeps:
-                yield from self._keeping(p, k, stream_class.kept[k], profits[k], prices.kept)
+                keeping = self._going_on if k in free else self._keeping
+                yield from keeping(p, k, stream_class.kept[k], profits[k], prices.kept)
+
+    def _going_on(self, p: int, k: int, kept: IntArray, profits: FloatArray, worth: float) -> Iterator[_Unit]:
+        """What goes on of a kind that cannot be used up: beside its other copies, which are free as any."""
+        for level in np.repeat(np.arange(len(kept)), kept).tolist():
+            if profits[level] > FORBIDDEN:
+                load = int(self._aggregation.load[k, level])
+                yield _Unit(p, False, [(load, float(profits[level] + worth), (k, level))])
 
     def _keeping(self, p: int, k: int, kept: IntArray, profits: FloatArray, worth: float) -> Iterator[_Unit]:
         """Copies of a kind of which some go on with what runs; each such copy is worth more at its level."""
