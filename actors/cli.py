@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import sys
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
@@ -12,13 +11,19 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from actors.commands import allocate, evaluate, experiment, experiment_allocation, pool
+from actors.terminal import progress_bars as _progress
+from actors.terminal import say as _say
 from pipeline.errors import InputError, SearchlightError
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, help=__doc__)
-console = Console(stderr=True)
+app.command()(allocate.allocate)
+experiment_allocation.register(experiment.app)
+app.add_typer(experiment.app, name="experiment")
+evaluate.register(app)
+pool.register(app)
 
 
 class Pace(StrEnum):
@@ -74,21 +79,19 @@ def run(
 ) -> None:
     """Detect, fuse and map: from video files to the people found."""
     from actors.mission import RunOptions, run_on_ray
+    from pipeline.local import run_local
     from pipeline.outputs.safe_write import check_run_directory
-    from pipeline.preflight import prepare
-    from pipeline.publish import FinishedRun, publish
+    from pipeline.preflight import plan, prepare
+    from pipeline.publish import publish
 
     check_run_directory(out)
     prepared = prepare(mission)
     with _progress("frames") as progress:
         if local:
-            finished = _run_local(prepared, progress)
+            finished = run_local(prepared, plan(prepared), progress)
         else:
             options = RunOptions(pace.value, address, metrics_port, metrics_host)
-            result = run_on_ray(prepared, options, progress, _say)
-            finished = FinishedRun(
-                result.plan, result.reducer, result.counts, result.bytes_sent, result.seconds, pace.value
-            )
+            finished = run_on_ray(prepared, options, progress, _say)
     summary = publish(prepared, finished, out)
     _print_people(summary)
     _say(f"{summary.video_seconds:.1f} s of video in {summary.seconds:.1f} s; see {out / 'report.html'}")
@@ -136,51 +139,13 @@ def main() -> None:
         sys.exit(error.exit_code)
 
 
-def _say(line: str) -> None:
-    console.print(line, soft_wrap=True, highlight=False, markup=False)
-
-
-def _run_local(prepared, progress):  # type: ignore[no-untyped-def]
-    from pipeline.local import run_local
-    from pipeline.preflight import plan
-    from pipeline.publish import FinishedRun
-
-    chosen = plan(prepared)
-    started = time.monotonic()
-    result = run_local(prepared, chosen, progress)
-    return FinishedRun(
-        chosen, result.reducer, result.counts, result.bytes_sent, time.monotonic() - started, "local"
-    )
-
-
-@contextmanager
-def _progress(unit: str) -> Iterator[Callable[..., None]]:
-    bars = Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.completed:.0f}/{task.total:.0f} " + unit),
-        TextColumn("{task.fields[note]}"),
-        TimeRemainingColumn(),
-        console=console,
-    )
-    tasks: dict[str, TaskID] = {}
-
-    def update(name: str, done: int, total: int, note: str = "") -> None:
-        if name not in tasks:
-            tasks[name] = bars.add_task(name, total=total, note="")
-        bars.update(tasks[name], completed=done, total=total, note=note)
-
-    with bars:
-        yield update
-
-
 def _print_people(summary) -> None:  # type: ignore[no-untyped-def]
     from pipeline.outputs.report import verdict
     from pipeline.outputs.utc import clock_utc
 
-    table = Table(title=verdict(summary.locations, summary.match))
+    table = Table(title=verdict(summary.locations, summary.match), pad_edge=False, caption="±: 95 %")
     distance = {} if summary.match is None else summary.match.distance_m
-    for column in ("place", "prob.", "latitude", "longitude", "seen from", "to", "off by"):
+    for column in ("no.", "prob.", "latitude", "longitude", "±", "from", "to", "off by"):
         table.add_column(column, justify="right", no_wrap=True)
     for place in summary.locations:
         known = (
@@ -195,6 +160,7 @@ def _print_people(summary) -> None:  # type: ignore[no-untyped-def]
             f"{place.probability:.2f}",
             f"{place.latitude_deg:.7f}",
             f"{place.longitude_deg:.7f}",
+            f"{place.error.semi_major_m:.2f} m",
             clock_utc(place.first_seen_ns),
             clock_utc(place.last_seen_ns),
             known,

@@ -61,7 +61,7 @@ class MachineActor:
             detector = load_detector(path, score_threshold=threshold)
             # the first picture takes longer than all others: not while the drone flies
             detector.detect(np.zeros((576, 1024, 3), dtype=np.uint8))
-            stage = DetectorStage(detector, self._codec)
+            stage = DetectorStage(detector, a.codec or self._codec)
             waiting: queue.Queue[tuple[int, Message]] = queue.Queue(QUEUE_PACKETS)
             self._queues[a.stream, a.detector] = waiting
             threading.Thread(target=self._work, args=(stage, waiting, realtime), daemon=True).start()

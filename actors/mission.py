@@ -17,10 +17,9 @@ from actors.site import placement
 from actors.source import Pace, SourceActor
 from pipeline.allocation.plan import Plan
 from pipeline.errors import RunFailedError, SearchlightError
-from pipeline.local import bandwidth
+from pipeline.local import FinishedRun, bandwidth
 from pipeline.preflight import PreparedMission
 from pipeline.stages.reducer import ReducerStage
-from pipeline.stages.source import SourceCount
 
 #: how often the actors are asked how they are, seconds
 POLL_S = 0.25
@@ -38,23 +37,12 @@ class RunOptions:
     metrics_host: str = "127.0.0.1"
 
 
-@dataclass(frozen=True, eq=False)
-class RunResult:
-    """The plan that ran, the reducer with the map, the sources' counts, bytes per (stream, site), seconds."""
-
-    plan: Plan
-    reducer: ReducerStage
-    counts: dict[str, SourceCount]
-    bytes_sent: dict[tuple[str, str], int]
-    seconds: float
-
-
 def run_on_ray(
     prepared: PreparedMission,
     options: RunOptions,
     progress: Callable[[str, int, int], None],
     say: Callable[[str], None],
-) -> RunResult:
+) -> FinishedRun:
     """Plan and run. progress(stream, frames done, frames in all); say(one line) for each phase."""
     say("starting Ray" if options.address is None else f"joining Ray at {options.address}")
     with cluster(options.address, [site.id for site in prepared.inventory.sites]) as host:
@@ -110,7 +98,7 @@ class _Wiring:
 
     def supervise(
         self, plan: Plan, progress: Callable[[str, int, int], None], say: Callable[[str], None]
-    ) -> RunResult:
+    ) -> FinishedRun:
         collector, server = None, None
         snapshot = Snapshot(plan, bandwidth_bps=self._used_links(plan))
         if self._options.metrics_port is not None:
@@ -155,14 +143,14 @@ class _Wiring:
         sent = all(source.finished for source in snapshot.sources.values())
         return sent and snapshot.reducer is not None and snapshot.reducer.open_substreams == 0
 
-    def _result(self, plan: Plan, snapshot: Snapshot) -> RunResult:
+    def _result(self, plan: Plan, snapshot: Snapshot) -> FinishedRun:
         seconds = time.monotonic() - self._started
         stage: ReducerStage = _get(self._reducer.finish.remote())
         counts = {name: _get(source.count.remote()) for name, source in self._sources.items()}
         sent = {
             (n, site): b for n, source in snapshot.sources.items() for site, b in source.bytes_sent.items()
         }
-        return RunResult(plan, stage, counts, sent, seconds)
+        return FinishedRun(plan, stage, counts, sent, seconds, self._options.pace)
 
     def _used_links(self, plan: Plan) -> dict[tuple[str, str], float]:
         used = {(a.stream, a.site) for a in plan.assignments}

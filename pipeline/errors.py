@@ -33,6 +33,12 @@ class NoPlanError(SearchlightError):
     """The allocation problem has no solution; the message names the limits that clash."""
 
 
+class NoPlanInTimeError(SearchlightError):
+    """The time limit came before any plan; there may be one."""
+
+    exit_code = 3
+
+
 class ProtocolError(SearchlightError):
     """Bytes from the wire that are not a message of ours; the connection is closed."""
 

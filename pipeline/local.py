@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import time
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 from pipeline.allocation.plan import Plan
@@ -22,21 +23,38 @@ Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True, eq=False)
-class LocalResult:
-    """The reducer with the map, the sources' counts, bytes per (stream, site)."""
+class FinishedRun:
+    """What a run leaves behind, before it is written.
 
+    plan: what ran. reducer: with the map. counts: of the sources. bytes_sent: per (stream, site). seconds:
+    first frame to last result. pace: ``realtime``, ``max`` or ``local``.
+    """
+
+    plan: Plan
     reducer: ReducerStage
     counts: dict[str, SourceCount]
-    bytes_sent: dict[tuple[str, str], int]
+    bytes_sent: Mapping[tuple[str, str], int]
+    seconds: float
+    pace: str
 
 
-def run_local(prepared: PreparedMission, plan: Plan, progress: Progress) -> LocalResult:
+def run_local(prepared: PreparedMission, plan: Plan, progress: Progress) -> FinishedRun:
     """Process every stream, one frame of each in turn. progress(stream, frames done, frames in all)."""
+    started = time.monotonic()
     reducer = make_reducer(prepared, plan, lateness=False)
+    counts, sent = process(prepared, plan, reducer.push, progress)
+    reducer.finish()
+    return FinishedRun(plan, reducer, counts, sent, time.monotonic() - started, "local")
+
+
+def process(
+    prepared: PreparedMission, plan: Plan, push: Callable[[Message], None], progress: Progress
+) -> tuple[dict[str, SourceCount], dict[tuple[str, str], int]]:
+    """Run all but the reducer: push gets its messages. The sources' counts, and bytes per (stream, site)."""
     stages = make_detectors(prepared, plan)
 
     def deliver_from(stream: str) -> Callable[[str, Message], None]:
-        return lambda detector, message: reducer.push(stages[stream, detector].process(message, 0))
+        return lambda detector, message: push(stages[stream, detector].process(message, 0))
 
     links = {
         s.stream: VirtualLink(bandwidth(prepared, plan, s.stream), deliver_from(s.stream))
@@ -48,10 +66,9 @@ def run_local(prepared: PreparedMission, plan: Plan, progress: Progress) -> Loca
     running = {s.stream: _step(s, sources[s.stream], progress) for s in prepared.streams}
     while running:
         running = {name: steps for name, steps in running.items() if next(steps, None) is not None}
-    reducer.finish()
     counts = {name: source.count for name, source in sources.items()}
     sent = {(name, site): count for name, link in links.items() for site, count in link.bytes_sent.items()}
-    return LocalResult(reducer, counts, sent)
+    return counts, sent
 
 
 def make_reducer(prepared: PreparedMission, plan: Plan, *, lateness: bool) -> ReducerStage:
@@ -60,7 +77,8 @@ def make_reducer(prepared: PreparedMission, plan: Plan, *, lateness: bool) -> Re
     relative = {a.detector: prepared.relative_accuracy[a.pool_detector] for a in plan.assignments}
     fuser = Fuser(prepared.terrain, prepared.mission.fusion, prepared.cameras, relative)
     lateness_ns = round(prepared.mission.fusion.lateness * 1e9) if lateness else None
-    return ReducerStage(fuser, Sequencer(substreams, lateness_ns), substreams)
+    start_ns = {s.stream: s.start_ns for s in prepared.streams}
+    return ReducerStage(fuser, Sequencer(substreams, lateness_ns, start_ns), substreams)
 
 
 def make_detectors(prepared: PreparedMission, plan: Plan) -> dict[tuple[str, str], DetectorStage]:
@@ -69,7 +87,7 @@ def make_detectors(prepared: PreparedMission, plan: Plan) -> dict[tuple[str, str
     for a in plan.assignments:
         model, threshold = prepared.model(a.pool_detector)
         detector = load_detector(model, score_threshold=threshold)
-        stages[a.stream, a.detector] = DetectorStage(detector, prepared.mission.processing.codec)
+        stages[a.stream, a.detector] = DetectorStage(detector, a.codec or prepared.mission.processing.codec)
     return stages
 
 

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from pipeline.allocation.build import build_problem
+from pipeline.allocation.decomposed import solve
 from pipeline.allocation.explain import explain
-from pipeline.allocation.literal import solve
 from pipeline.allocation.plan import Plan
 from pipeline.allocation.problem import Problem
 from pipeline.config.camera import load_camera
@@ -17,9 +18,12 @@ from pipeline.config.inventory import Inventory, load_inventory
 from pipeline.config.mission import Mission, Stream, load_mission
 from pipeline.config.pool import Pool, load_pool
 from pipeline.detection import load_detector
-from pipeline.errors import InputError, NoPlanError
+from pipeline.errors import InputError, NoPlanError, NoPlanInTimeError
 from pipeline.geo.camera import Camera
+from pipeline.geo.expected_size import expected_person_px
 from pipeline.geo.frame import LocalFrame
+from pipeline.geo.search_area import load_search_area
+from pipeline.geo.surfaces import load_mesh
 from pipeline.geo.terrain import Terrain, frame_of, load_terrain
 from pipeline.stages.source import StreamInput
 from pipeline.telemetry.dji_srt import read_dji_srt
@@ -72,17 +76,27 @@ def prepare(path: Path, thorough: bool = False) -> PreparedMission:
     mission = load_mission(path)
     inventory, pool = load_inventory(mission.inventory), load_pool(mission.pool)
     _sites_exist(path, mission, inventory)
-    require_codec(mission.processing.codec)
-    frame = frame_of(mission.terrain.file)
+    for codec in (mission.processing.codec, *mission.processing.codecs):
+        require_codec(codec)
+    frame = _frame(mission)
     cameras = {s.id: load_camera(s.camera) for s in mission.streams}
     streams = tuple(_stream(path, mission, s, frame, cameras[s.id], thorough) for s in mission.streams)
-    terrain = load_terrain(mission.terrain.file, mission.fusion.cell_size, frame)
+    terrain = terrain_at(mission, frame, mission.fusion.cell_size)
     for stream in streams:
         _terrain_covers(mission, terrain, stream)
+    if mission.search_area is not None:
+        load_search_area(mission.search_area, frame)
     _models_load(pool)
     own_site = {s.id: s.site for s in mission.streams}
-    problem = build_problem(own_site, mission.processing, inventory, pool, where=path)
+    person_px = {s.stream: _person_px(terrain, cameras[s.stream], s) for s in streams}
+    problem = build_problem(own_site, mission.processing, inventory, pool, where=path, person_px=person_px)
     return PreparedMission(path, mission, inventory, pool, terrain, cameras, streams, problem)
+
+
+def terrain_at(mission: Mission, frame: LocalFrame, cell_m: float) -> Terrain:
+    """The mission's terrain in cells of a size."""
+    load = load_terrain if mission.terrain.origin is None else load_mesh
+    return load(mission.terrain.file, cell_m, frame)
 
 
 def plan(prepared: PreparedMission) -> Plan:
@@ -91,15 +105,23 @@ def plan(prepared: PreparedMission) -> Plan:
     result = solve(prepared.problem, time_limit_s=limit_s)
     if result.status == "infeasible":
         raise NoPlanError(
-            f"{prepared.path}: no allocation satisfies the mission: {explain(prepared.problem)}"
+            f"{prepared.path}: no allocation satisfies the mission: {explain(prepared.problem).text}"
         )
     if result.status == "unknown":
-        raise NoPlanError(
+        raise NoPlanInTimeError(
             f"{prepared.path} processing.time_limit: found no plan within {limit_s:g} s; expected more time"
         )
     for assignment in result.assignments:
         prepared.model(assignment.pool_detector)
     return result
+
+
+def _frame(mission: Mission) -> LocalFrame:
+    """The map frame: its origin is the mesh's, or the middle of the surface model."""
+    origin = mission.terrain.origin
+    if origin is None:
+        return frame_of(mission.terrain.file)
+    return LocalFrame(math.degrees(origin.latitude), math.degrees(origin.longitude))
 
 
 def _stream(
@@ -163,6 +185,18 @@ def _terrain_covers(mission: Mission, terrain: Terrain, stream: StreamInput) -> 
                 f"the drone at {up:.1f} m, ground at {ground:.1f} m",
                 "a drone above the ground: the same height datum?",
             )
+
+
+def _person_px(terrain: Terrain, camera: Camera, stream: StreamInput) -> float:
+    """The size of a person to be expected in the stream's pictures: the median over its seconds."""
+    sizes = []
+    for time_s in np.arange(0.0, stream.video.duration_s, 1.0):
+        last_s = min(float(time_s), float(stream.track.times_s[-1]))
+        pose = pose_at(stream.track, last_s, stream.telemetry, stream.frame, stream.terrain_datum)
+        east, north, up = pose.position_enu
+        pitch_rad = float(np.arcsin(pose.enu_from_camera[2, 2]))
+        sizes.append(expected_person_px(up - terrain.height(east, north), pitch_rad, camera.fy))
+    return float(np.median(sizes))
 
 
 def _sites_exist(path: Path, mission: Mission, inventory: Inventory) -> None:

@@ -3,64 +3,59 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 
 from pipeline.allocation.gantt import gantt
-from pipeline.allocation.plan import Plan, plan_to_json
+from pipeline.allocation.plan import plan_to_json
 from pipeline.evidence import evidence_pictures
-from pipeline.fusion.salient import SalientLocation, salient_locations
+from pipeline.fusion.salient import SalientLocation, locations_of_all_classes
+from pipeline.local import FinishedRun
 from pipeline.messages import FloatArray
-from pipeline.outputs.map_picture import map_picture, png
+from pipeline.outputs.map_picture import map_picture, png, second_look_picture
 from pipeline.outputs.report import ReportData, write_report
 from pipeline.outputs.safe_write import run_directory, write_bytes, write_text
 from pipeline.outputs.saliency_tif import write_saliency
 from pipeline.outputs.salient_geojson import write_salient
+from pipeline.outputs.second_look_files import write_qgc_plan, write_second_flight, write_second_look
 from pipeline.outputs.summary import LinkUse, Summary, write_summary
 from pipeline.outputs.truth import TruePerson, load_truth, match_truth
 from pipeline.preflight import PreparedMission
+from pipeline.second_look import plan_second_look
 from pipeline.stages.accounts import stream_account, substream_counts
-from pipeline.stages.reducer import ReducerStage
-from pipeline.stages.source import SourceCount
 from pipeline.telemetry.track import pose_at
-
-
-@dataclass(frozen=True, eq=False)
-class FinishedRun:
-    """What a run leaves behind, before it is written.
-
-    pace: ``realtime``, ``max`` or ``local``. bytes_sent: per (stream, site). seconds: first frame to last
-    result.
-    """
-
-    plan: Plan
-    reducer: ReducerStage
-    counts: dict[str, SourceCount]
-    bytes_sent: Mapping[tuple[str, str], int]
-    seconds: float
-    pace: str
 
 
 def publish(prepared: PreparedMission, run: FinishedRun, out: Path) -> Summary:
     """Write the run directory, whole or not at all; the summary that was written."""
     fuser = run.reducer.fuser
-    locations = salient_locations(fuser.map, fuser.looks, prepared.mission.fusion)
+    locations = locations_of_all_classes(fuser.maps, fuser.looks, prepared.mission.fusion)
     truth = load_truth(prepared.mission.truth, prepared.frame) if prepared.mission.truth else ()
     summary = _summary(prepared, run, locations, truth)
     schedule = gantt(prepared.problem, run.plan)
     tracks = {s.stream: _track(prepared, s.stream) for s in prepared.streams}
     evidence = evidence_pictures(prepared, fuser.looks, locations)
-    report = ReportData(summary, fuser.map, tracks, truth, schedule, evidence)
+    second = plan_second_look(prepared, fuser.map, tracks)
+    picture = second_look_picture(fuser.map, second.areas, second.flight)
+    report = ReportData(
+        summary, fuser.map, tracks, truth, schedule, evidence, second.areas, second.flight, picture
+    )
     with run_directory(out) as folder:
-        write_saliency(folder / "saliency.tif", fuser.map)
+        for name, voxel_map in fuser.maps.items():
+            of_class = "" if voxel_map is fuser.map else f"-{name}"
+            write_saliency(folder / f"saliency{of_class}.tif", voxel_map)
         write_salient(folder / "salient.geojson", locations, summary.match)
         write_text(folder / "plan.json", plan_to_json(run.plan, prepared.problem))
         write_bytes(folder / "map.png", png(map_picture(fuser.map, tracks, locations, truth)))
         write_bytes(folder / "schedule.png", png(schedule))
+        write_second_look(folder / "second_look.geojson", second.areas, prepared.frame)
+        write_second_flight(folder / "second_flight.geojson", second.flight, prepared.frame)
+        if second.flight.waypoints:
+            look = prepared.mission.fusion.second_look
+            write_qgc_plan(folder / "second_flight.plan", second.flight, prepared.frame, look)
         write_report(folder / "report.html", report)
         write_summary(folder / "summary.json", summary)
     return summary

@@ -1,4 +1,7 @@
-"""From a mission, an inventory and a pool to the allocation problem (the paper's Algorithm det_ass)."""
+"""From a mission, an inventory and a pool to the allocation problem (the paper's Algorithm det_ass).
+
+What goes past the paper is in ``levels`` (codecs, expected size) and ``sharing``.
+"""
 
 from __future__ import annotations
 
@@ -6,12 +9,12 @@ import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-import numpy as np
-
-from pipeline.allocation.problem import Detector, MachineLimit, Problem
+from pipeline.allocation.levels import Level, accuracies_of, levels_of, stream_accuracies
+from pipeline.allocation.problem import Deadline, Detector, MachineLimit, Problem
+from pipeline.allocation.sharing import sharing_modes
 from pipeline.config.inventory import Inventory
 from pipeline.config.mission import Processing
-from pipeline.config.pool import AccuracyAt, Pool, PoolDetector
+from pipeline.config.pool import Pool, PoolDetector
 from pipeline.errors import InputError
 
 #: 0.1 s at 30 Hz is 3 frames, not the 4 that the float product 3.0000000000000004 would give
@@ -19,9 +22,16 @@ _ROUNDING = 1e-9
 
 
 def build_problem(
-    streams: Mapping[str, str], processing: Processing, inventory: Inventory, pool: Pool, *, where: Path
+    streams: Mapping[str, str],
+    processing: Processing,
+    inventory: Inventory,
+    pool: Pool,
+    *,
+    where: Path,
+    person_px: Mapping[str, float] | None = None,
 ) -> Problem:
     """The problem of a mission. streams: own site by stream id. where: the mission file, for messages.
+    person_px: expected size of a person by stream (see ``geo.expected_size``), for processing.expected_size.
 
     A stream reaches its own site without a limit; a site that the inventory does not have (a drone without a
     computer) is no place to detect at. A detector's time is its stated maximum, else its mean: the text
@@ -33,19 +43,25 @@ def build_problem(
     machines = tuple(machine for machine, _ in _machines(inventory))
     _check_types(inventory, pool, where)
     links = _links(streams, inventory, where)
-    bitrates = _bitrates(processing, links, where)
+    levels = levels_of(processing, _bitrates(processing, links, where))
+    delays = processing.delays
     return Problem(
         streams=tuple(streams),
         sites=tuple(site.id for site in inventory.sites),
         machines=machines,
-        detectors=_detectors(processing, inventory, pool, bitrates, where),
-        bitrates_bps=bitrates,
+        detectors=_detectors(processing, inventory, pool, levels, where),
+        bitrates_bps=tuple(level.bitrate_bps for level in levels),
         link_bps=links,
         frame_rate_hz=processing.frame_rate,
         detectors_per_stream=processing.detectors_per_stream,
         detectors_per_frame=processing.detectors_per_frame,
         accuracy_weight=processing.accuracy_weight,
         memory_rule=processing.memory_rule,
+        stream_accuracy=stream_accuracies(processing, pool, levels, person_px or {}, where),
+        deadline=None
+        if delays is None
+        else Deadline(processing.max_processing_time, delays.encode, delays.decode, delays.burst),
+        codecs=tuple(level.codec for level in levels) if processing.codecs else (),
     )
 
 
@@ -57,18 +73,6 @@ def period_of(time_s: float, frame_rate_hz: float) -> int:
 def max_frame_time_s(processing: Processing) -> float:
     """Algorithm det_ass, first line: min(maxProcessingTime, detPerStream / processingFrameRate)."""
     return min(processing.max_processing_time, processing.detectors_per_stream / processing.frame_rate)
-
-
-def accuracy_at(points: tuple[AccuracyAt, ...], bitrate_bps: float) -> float:
-    """Accuracy at a bitrate: linear in its logarithm between the pool's points, level beyond them."""
-    ordered = sorted(points, key=lambda point: point.bitrate)
-    return float(
-        np.interp(
-            math.log(bitrate_bps),
-            [math.log(point.bitrate) for point in ordered],
-            [point.accuracy for point in ordered],
-        )
-    )
 
 
 def _machines(inventory: Inventory) -> Iterator[tuple[MachineLimit, str]]:
@@ -137,13 +141,11 @@ def _bitrates(
 
 
 def _detectors(
-    processing: Processing, inventory: Inventory, pool: Pool, bitrates: tuple[float, ...], where: Path
+    processing: Processing, inventory: Inventory, pool: Pool, levels: tuple[Level, ...], where: Path
 ) -> tuple[Detector, ...]:
     """getDetectors of Algorithm det_ass: every network on every machine where it is fast enough."""
     limit_s = max_frame_time_s(processing)
-    accuracies = {
-        d.id: tuple(accuracy_at(d.accuracy, bitrate) for bitrate in bitrates) for d in pool.detectors
-    }
+    accuracies = {d.id: accuracies_of(d, levels, where) for d in pool.detectors}
     timed = [
         (network, machine, time.mean if time.maximum is None else time.maximum)
         for machine, kind in _machines(inventory)
@@ -155,17 +157,19 @@ def _detectors(
         _refuse_slow(processing, timed, limit_s, where)
     return tuple(
         Detector(
-            id=f"{machine.id}:{network.id}",
+            id=f"{machine.id}:{network.id}{mode.suffix}",
             detector=network.id,
             machine=machine.id,
             site=machine.site,
-            period=period_of(time_s, processing.frame_rate),
+            period=period_of(time_s * mode.factor, processing.frame_rate),
             memory_bytes=network.memory,
             accuracy=accuracies[network.id],
-            execution_s=time_s,
+            execution_s=time_s * mode.factor,
+            sharing=mode.detectors,
         )
         for network, machine, time_s in timed
-        if time_s <= limit_s + _ROUNDING
+        for mode in sharing_modes(processing, network, where)
+        if time_s * mode.factor <= limit_s + _ROUNDING
     )
 
 

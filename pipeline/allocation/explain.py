@@ -1,15 +1,15 @@
-"""Why there is no plan: a smallest set of limits that clash, found by dropping each limit in turn."""
+"""Why there is no plan: a minimal set of limits that clash, and the smallest change of each that helps."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Protocol
 
-from pipeline.allocation import literal
+from pipeline.allocation import decomposed
+from pipeline.allocation.limits import Limit, Step, limits
 from pipeline.allocation.plan import Plan
-from pipeline.allocation.problem import MachineLimit, Problem
+from pipeline.allocation.problem import Problem
+from pipeline.errors import NoPlanError
 
 RELAXATION_TIME_LIMIT_S = 5.0
 _MOST_NAMES = 8
@@ -24,37 +24,42 @@ class Solve(Protocol):
 
 
 @dataclass(frozen=True)
-class Limit:
-    """Something that could be otherwise. name: as the user knows it. lift: the problem without it."""
+class Explanation:
+    """limits: a minimal set that clashes, by name; empty if lifting every limit would not help. proven: that
+    it is minimal. changes: what would be enough by itself, everything else as it is; one for each of the
+    named limits of which a change can be enough.
+    """
 
-    name: str
-    lift: Callable[[Problem], Problem]
+    limits: tuple[str, ...]
+    proven: bool
+    changes: tuple[str, ...]
+    text: str
 
 
 def explain(
-    problem: Problem, *, solve: Solve = literal.solve, time_limit_s: float = RELAXATION_TIME_LIMIT_S
-) -> str:
-    """One line that names a minimal set of clashing limits of a problem without a plan.
+    problem: Problem, *, solve: Solve = decomposed.solve, time_limit_s: float = RELAXATION_TIME_LIMIT_S
+) -> Explanation:
+    """A minimal set of clashing limits of a problem without a plan, and what would make one possible.
 
     Minimal: with all other limits lifted the set still clashes, and without any one of its members it does
-    not. ``time_limit_s`` is for each of the relaxations solved: one per stream, one per machine, and two.
-    Where one is undecided by then, its limit stays in the set and the line says so. Raises ValueError if
-    there is a plan.
+    not. ``time_limit_s`` is for each of the relaxations solved: one per stream, one per machine, two, and
+    some twenty per change. Where one is undecided by then, its limit stays in the set and the text says so.
+    Raises ValueError if there is a plan.
     """
     if _feasibility(problem, solve, time_limit_s).assignments:
         raise ValueError("the problem has a plan")
     clash, decided = clashing_limits(problem, solve=solve, time_limit_s=time_limit_s)
-    if not clash:
-        return _too_slow(problem)
-    names = [limit.name for limit in clash[:_MOST_NAMES]]
-    if len(clash) > _MOST_NAMES:
-        names.append(f"and {len(clash) - _MOST_NAMES} more")
-    doubt = "" if decided else " (perhaps fewer of them: the search ran out of time)"
-    return f"these limits cannot hold together: {'; '.join(names)}{doubt}"
+    changes = [
+        change
+        for limit in clash[:_MOST_NAMES]
+        if (change := smallest_change(problem, limit, solve=solve, time_limit_s=time_limit_s)) is not None
+    ]
+    names = [limit.name for limit in clash]
+    return Explanation(tuple(names), decided, tuple(changes), _text(problem, names, decided, changes))
 
 
 def clashing_limits(
-    problem: Problem, *, solve: Solve = literal.solve, time_limit_s: float = RELAXATION_TIME_LIMIT_S
+    problem: Problem, *, solve: Solve = decomposed.solve, time_limit_s: float = RELAXATION_TIME_LIMIT_S
 ) -> tuple[list[Limit], bool]:
     """The minimal set of ``explain``, and whether it is proven; empty if lifting every limit would not help.
 
@@ -73,67 +78,59 @@ def clashing_limits(
     return kept, decided
 
 
+def smallest_change(
+    problem: Problem,
+    limit: Limit,
+    *,
+    solve: Solve = decomposed.solve,
+    time_limit_s: float = RELAXATION_TIME_LIMIT_S,
+) -> str | None:
+    """The smallest change of this limit that makes a plan possible while all others stay, in words.
+
+    None if none does. A stream has a link per site: of these the one that needs the least more.
+    """
+    found = []
+    for step in limit.steps:
+        value = _least(problem, step, solve, time_limit_s)
+        if value is not None:
+            found.append((value - step.now, step.words(value)))
+    return min(found)[1] if found else None
+
+
+def _least(problem: Problem, step: Step, solve: Solve, time_limit_s: float) -> int | None:
+    """The least value of a step that makes a plan possible, by bisection (more never hurts)."""
+
+    def possible(value: int) -> bool:
+        return bool(_feasibility(step.set(problem, value), solve, time_limit_s).assignments)
+
+    low, high = step.now, step.most
+    if high <= low or not possible(high):
+        return None
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if possible(middle) else (middle, high)
+    return high
+
+
 def _feasibility(problem: Problem, solve: Solve, time_limit_s: float) -> Plan:
     """Solve for any plan at all: when nothing is worth anything the first plan is optimal."""
     worthless = tuple(replace(d, accuracy=(0.0,) * len(d.accuracy)) for d in problem.detectors)
-    return solve(replace(problem, detectors=worthless, accuracy_weight=1.0), time_limit_s=time_limit_s)
+    bare = replace(problem, detectors=worthless, accuracy_weight=1.0, stream_accuracy={})
+    try:
+        return solve(bare, time_limit_s=time_limit_s)
+    except NoPlanError:  # too large a relaxation to decide
+        return Plan("unknown", None, None, None, problem.cycle, (), 0.0, 0, 0)
 
 
-def limits(problem: Problem) -> list[Limit]:
-    """All limits; the mission's own numbers first, to blame links and machines where these suffice."""
-    links = [
-        Limit(_links_name(problem, stream), _lift_links(stream))
-        for stream in problem.streams
-        if any(math.isfinite(problem.link(stream, site)) for site in problem.sites)
-    ]
-    machines = [Limit(_machine_name(problem, m), _lift_machine(m.id)) for m in problem.machines]
-    return [
-        Limit(f"detectors_per_frame {problem.detectors_per_frame}", _lift_detectors_per_frame),
-        Limit(f"detectors_per_stream {problem.detectors_per_stream}", _lift_detectors_per_stream),
-        *links,
-        *machines,
-    ]
-
-
-def _links_name(problem: Problem, stream: str) -> str:
-    links = ", ".join(f"{_mbps(problem.link(stream, site))} to {site}" for site in problem.sites)
-    return f"the links of stream {stream} ({links})"
-
-
-def _mbps(bps: float) -> str:
-    return "no limit" if math.isinf(bps) else f"{bps / 1e6:g} Mbps" if bps else "none"
-
-
-def _machine_name(problem: Problem, machine: MachineLimit) -> str:
-    if problem.memory_rule == "one_detector_per_machine":
-        return f"one detector at a time on machine {machine.id} (memory_rule)"
-    return f"the memory of machine {machine.id} ({machine.memory_bytes / 1e9:g} GB)"
-
-
-def _lift_links(stream: str) -> Callable[[Problem], Problem]:
-    def lift(problem: Problem) -> Problem:
-        free = {(stream, site): math.inf for site in problem.sites}
-        return replace(problem, link_bps={**problem.link_bps, **free})
-
-    return lift
-
-
-def _lift_machine(machine_id: str) -> Callable[[Problem], Problem]:
-    def lift(problem: Problem) -> Problem:
-        machines = tuple(
-            replace(m, memory_bytes=math.inf) if m.id == machine_id else m for m in problem.machines
-        )
-        return replace(problem, machines=machines)
-
-    return lift
-
-
-def _lift_detectors_per_frame(problem: Problem) -> Problem:
-    return replace(problem, detectors_per_frame=max(1, len(problem.detectors)))
-
-
-def _lift_detectors_per_stream(problem: Problem) -> Problem:
-    return replace(problem, detectors_per_stream=max(1, len(problem.detectors)))
+def _text(problem: Problem, names: list[str], decided: bool, changes: list[str]) -> str:
+    if not names:
+        return _too_slow(problem)
+    named = names[:_MOST_NAMES]
+    if len(names) > _MOST_NAMES:
+        named.append(f"and {len(names) - _MOST_NAMES} more")
+    doubt = "" if decided else " (perhaps fewer of them: the search ran out of time)"
+    remedy = f"; enough by itself: {', or '.join(changes)}" if changes else ""
+    return f"these limits cannot hold together: {'; '.join(named)}{doubt}{remedy}"
 
 
 def _too_slow(problem: Problem) -> str:

@@ -7,9 +7,8 @@ Readings where the text is open or slips (see the numbered notes beside the pape
 - The bitrate in the objective is divided by the largest level (``Problem.gain``).
 - M in Eq. ilp_contr_link is detPerStream: |S| is too small when detPerStream is greater.
 
-CP-SAT computes with integers. Gains and penalties are rounded to 1e-9, bitrates and bandwidths to 1 bit/s
-(and then multiplied by cp_lcm, so that ``bitrate_b / period_d`` is exact), memory to 1 kB. The plan's own
-objective is computed from its assignments, not from the rounded numbers.
+What goes past the paper (``Detector.sharing``, ``Problem.deadline``) adds variables and constraints only
+where it is used.
 """
 
 from __future__ import annotations
@@ -21,11 +20,9 @@ from dataclasses import dataclass
 from ortools.sat.python import cp_model
 
 from pipeline.allocation.plan import Assignment, Plan, Status, objective
-from pipeline.allocation.problem import MachineLimit, Problem
+from pipeline.allocation.problem import OBJECTIVE_RESOLUTION, MachineLimit, Problem, memory_units
 from pipeline.errors import NoPlanError
 
-OBJECTIVE_RESOLUTION = 1e-9
-MEMORY_RESOLUTION_BYTES = 1000.0
 #: four times the paper's largest instance
 MAX_VARIABLES = 3_000_000
 _UNLIMITED = 2**62
@@ -117,6 +114,7 @@ def _assignments(
             detector.period,
             next(f for f, y in enumerate(literal.y[v][d]) if solver.boolean_value(y)),
             problem.bitrates_bps[b],
+            problem.codec(b),
         )
         for v, stream in enumerate(problem.streams)
         for d, detector in enumerate(problem.detectors)
@@ -135,8 +133,10 @@ def build_model(problem: Problem) -> LiteralModel:
         _frame_timing(problem, literal, v)
         _bandwidth(problem, literal, v)
         _links_used(problem, literal, v)
+        _deadline(problem, literal, v)
     for machine in problem.machines:
         _memory(problem, literal, machine)
+        _sharing(problem, literal, machine)
     _one_bitrate(literal)
     _objective(problem, literal)
     return literal
@@ -214,7 +214,7 @@ def _memory(problem: Problem, literal: LiteralModel, machine: MachineLimit) -> N
     """Eq. ilp_contr_ram, or Eq. ilp_contr_ram_simpl."""
     one_only = problem.memory_rule == "one_detector_per_machine"
     terms = [
-        (x, 1 if one_only else round(detector.memory_bytes / MEMORY_RESOLUTION_BYTES))
+        (x, 1 if one_only else memory_units(detector.memory_bytes))
         for of_stream in literal.x
         for d, detector in enumerate(problem.detectors)
         if detector.machine == machine.id
@@ -223,8 +223,29 @@ def _memory(problem: Problem, literal: LiteralModel, machine: MachineLimit) -> N
     if math.isinf(machine.memory_bytes):
         high = _UNLIMITED
     else:
-        high = 1 if one_only else round(machine.memory_bytes / MEMORY_RESOLUTION_BYTES)
+        high = 1 if one_only else memory_units(machine.memory_bytes)
     _sum_between(literal, terms, 0, high)
+
+
+def _deadline(problem: Problem, literal: LiteralModel, v: int) -> None:
+    """Past the paper: what would come too late is not used."""
+    for d, detector in enumerate(problem.detectors):
+        for b, x in enumerate(literal.x[v][d]):
+            if not problem.in_time(problem.streams[v], detector, b):
+                literal.model.add(x == 0)
+
+
+def _sharing(problem: Problem, literal: LiteralModel, machine: MachineLimit) -> None:
+    """Past the paper: a detector whose times hold for ``sharing`` detectors keeps the others' number down."""
+    here = [d for d, detector in enumerate(problem.detectors) if detector.machine == machine.id]
+    everything = [x for of_stream in literal.x for d in here for x in of_stream[d]]
+    for sharing in sorted({k for d in here if (k := problem.detectors[d].sharing) is not None}):
+        used = literal.model.new_bool_var(f"sharing_{machine.id}_{sharing}")
+        for of_stream in literal.x:
+            for d in here:
+                if problem.detectors[d].sharing == sharing:
+                    literal.model.add(sum(of_stream[d]) <= used)
+        literal.model.add(sum(everything) <= sharing).only_enforce_if(used)
 
 
 def _one_bitrate(literal: LiteralModel) -> None:
@@ -236,15 +257,13 @@ def _one_bitrate(literal: LiteralModel) -> None:
 
 def _objective(problem: Problem, literal: LiteralModel) -> None:
     """Eq. objective."""
-    w = problem.accuracy_weight
     gains = [
-        (x, round(w * problem.gain(detector, b) / OBJECTIVE_RESOLUTION))
-        for of_stream in literal.x
+        (x, problem.gain_units(stream, detector, b))
+        for stream, of_stream in zip(problem.streams, literal.x, strict=True)
         for d, detector in enumerate(problem.detectors)
         for b, x in enumerate(of_stream[d])
     ]
-    penalty = -round((1.0 - w) / OBJECTIVE_RESOLUTION)
-    links = [(link, penalty) for of_stream in literal.link_used for link in of_stream]
+    links = [(link, -problem.penalty_units) for of_stream in literal.link_used for link in of_stream]
     terms = gains + links
     literal.model.maximize(
         cp_model.LinearExpr.weighted_sum([var for var, _ in terms], [factor for _, factor in terms])

@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from typing import Any, Literal, get_args
 
 from pipeline.allocation.problem import Problem
+from pipeline.config.mission import Codec
 from pipeline.errors import InputError
 
 Status = Literal["optimal", "feasible", "infeasible", "unknown"]
@@ -20,6 +21,7 @@ class Assignment:
 
     detector: ``MACHINE:DETECTOR``. pool_detector: its id in the pool. phase: 0 .. period - 1.
     bitrate_bps: the level as if every frame were sent; the substream itself takes ``bitrate_bps / period``.
+    codec: of the substream; empty for the mission's one.
     """
 
     stream: str
@@ -30,6 +32,7 @@ class Assignment:
     period: int
     phase: int
     bitrate_bps: float
+    codec: Codec | Literal[""] = ""
 
     @property
     def substream_bps(self) -> float:
@@ -62,11 +65,16 @@ class Plan:
 def objective(problem: Problem, assignments: tuple[Assignment, ...]) -> float:
     """Eq. objective: acc_obj * w - penalty * (1 - w), linkUsed being 1 for each site a stream is sent to."""
     detectors = {detector.id: detector for detector in problem.detectors}
-    gains = (
-        problem.gain(detectors[a.detector], problem.bitrates_bps.index(a.bitrate_bps)) for a in assignments
-    )
+    gains = (problem.gain(a.stream, detectors[a.detector], _level(problem, a)) for a in assignments)
     links_used = len({(a.stream, a.site) for a in assignments})
     return sum(gains) * problem.accuracy_weight - links_used * (1.0 - problem.accuracy_weight)
+
+
+def _level(problem: Problem, assignment: Assignment) -> int:
+    level = problem.level(assignment.bitrate_bps, assignment.codec)
+    if level is None:
+        raise ValueError(f"{assignment} is at no level of the problem")
+    return level
 
 
 def plan_to_json(plan: Plan, problem: Problem) -> str:
@@ -125,7 +133,7 @@ def plan_table(plan: Plan) -> list[tuple[str, ...]]:
             a.site,
             "frame" if a.period == 1 else f"{a.period} frames",
             str(a.phase),
-            f"{a.bitrate_bps / 1e6:g} Mbps",
+            f"{a.bitrate_bps / 1e6:g} Mbps" + (f" {a.codec}" if a.codec else ""),
             f"{a.substream_bps / 1e6:g} Mbps",
         )
         for a in plan.assignments

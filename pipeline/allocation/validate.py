@@ -13,6 +13,7 @@ from pipeline.allocation.problem import Detector, Problem
 _BPS_TOLERANCE = 1.0
 _BYTES_TOLERANCE = 1000.0
 _OBJECTIVE_TOLERANCE = 1e-6
+_TIME_TOLERANCE_S = 1e-6
 
 
 def validate(problem: Problem, plan: Plan) -> list[str]:
@@ -26,7 +27,7 @@ def validate(problem: Problem, plan: Plan) -> list[str]:
     unknown = list(_unknown_names(problem, plan))
     if unknown:
         return unknown
-    checks = (_detectors, _frames, _streams, _links, _machines, _objective)
+    checks = (_detectors, _frames, _streams, _links, _late, _machines, _sharing, _objective)
     return [fault for check in checks for fault in check(problem, plan)]
 
 
@@ -37,7 +38,7 @@ def _unknown_names(problem: Problem, plan: Plan) -> Iterator[str]:
             yield f"stream {a.stream}: not in the problem"
         if a.detector not in known:
             yield f"detector {a.detector}: not in the problem"
-        if a.bitrate_bps not in problem.bitrates_bps:
+        if _number_of_level(problem, a) is None:
             yield f"{a.stream} on {a.detector}: bitrate {a.bitrate_bps:g} bps is no level of the problem"
 
 
@@ -107,6 +108,32 @@ def _machines(problem: Problem, plan: Plan) -> Iterator[str]:
             yield f"machine {machine.id}: {total:g} bytes of {machine.memory_bytes:g}"
 
 
+def _late(problem: Problem, plan: Plan) -> Iterator[str]:
+    """With a deadline: capture to result, with what the largest packet takes on its link."""
+    if problem.deadline is None:
+        return
+    by_id = {detector.id: detector for detector in problem.detectors}
+    for a in plan.assignments:
+        seconds = by_id[a.detector].execution_s
+        bandwidth_bps = problem.link_bps.get((a.stream, a.site), 0.0)
+        if not math.isinf(bandwidth_bps):
+            frame_bits = a.bitrate_bps / problem.frame_rate_hz * problem.deadline.burst
+            seconds += problem.deadline.encode_s + problem.deadline.decode_s + frame_bits / bandwidth_bps
+        if seconds > problem.deadline.limit_s + _TIME_TOLERANCE_S:
+            limit_s = problem.deadline.limit_s
+            yield f"{a.stream} on {a.detector}: {seconds:g} s to a result, {limit_s:g} s allowed"
+
+
+def _sharing(problem: Problem, plan: Plan) -> Iterator[str]:
+    """No detector shares its machine with more others than its times hold for."""
+    by_id = {detector.id: detector for detector in problem.detectors}
+    together = Counter(a.machine for a in plan.assignments)
+    for a in plan.assignments:
+        sharing = by_id[a.detector].sharing
+        if sharing is not None and together[a.machine] > sharing:
+            yield f"{a.detector}: one of {together[a.machine]} on its machine, its times hold for {sharing}"
+
+
 def _objective(problem: Problem, plan: Plan) -> Iterator[str]:
     """The stated objective is what the assignments are worth, and the bound is not below it."""
     if plan.objective is None or plan.bound is None:
@@ -123,7 +150,15 @@ def _worth(problem: Problem, assignments: tuple[Assignment, ...]) -> float:
     accuracy, top_bps = 0.0, max(problem.bitrates_bps)
     for a in assignments:
         (detector,) = [d for d in problem.detectors if d.id == a.detector]
-        level = next(b for b, bps in enumerate(problem.bitrates_bps) if bps == a.bitrate_bps)
-        accuracy += a.bitrate_bps / top_bps / detector.period * detector.accuracy[level]
+        level = _number_of_level(problem, a)
+        assert level is not None
+        of_stream = problem.stream_accuracy.get((a.stream, detector.detector), detector.accuracy)
+        accuracy += a.bitrate_bps / top_bps / detector.period * of_stream[level]
     sites = sum(len({a.site for a in assignments if a.stream == stream}) for stream in problem.streams)
     return problem.accuracy_weight * accuracy - (1.0 - problem.accuracy_weight) * sites
+
+
+def _number_of_level(problem: Problem, a: Assignment) -> int | None:
+    codecs = problem.codecs or [""] * len(problem.bitrates_bps)
+    levels = list(zip(problem.bitrates_bps, codecs, strict=True))
+    return levels.index((a.bitrate_bps, a.codec)) if (a.bitrate_bps, a.codec) in levels else None

@@ -2,25 +2,60 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
 from pipeline.config.base import Strict, load, mismatch, refuse_repeated
-from pipeline.config.units import Bitrate, Hertz, Meters, PositiveMeters, PositiveSeconds, Seconds
+from pipeline.config.units import (
+    Bitrate,
+    Hertz,
+    Meters,
+    MetersPerSecond,
+    NonNegativeMeters,
+    NonNegativePixels,
+    NonNegativeRadians,
+    PositiveMeters,
+    PositiveSeconds,
+    Radians,
+    Seconds,
+)
 
 Fraction = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
 HalfFraction = Annotated[float, Field(ge=0.0, le=0.5, allow_inf_nan=False)]
 Codec = Literal["h264", "h265", "vp9", "av1"]
 Datum = Literal["ellipsoid", "geoid"]
+SignificantPoint = Literal["bottom_center", "center"]
+#: width and height of a standing person, metres
+PERSON_WIDTH_M, PERSON_HEIGHT_M = 0.5, 1.7
+
+
+class MeshOrigin(Strict):
+    """WGS84 position of a mesh's point (0, 0)."""
+
+    latitude: Radians
+    longitude: Radians
+
+    @model_validator(mode="after")
+    def _on_earth(self) -> MeshOrigin:
+        for name, most_deg in (("latitude", 90.0), ("longitude", 180.0)):
+            angle_deg = math.degrees(getattr(self, name))
+            if abs(angle_deg) > most_deg:
+                raise mismatch(f"{angle_deg:g} degrees", f"at most {most_deg:g} degrees", (name,))
+        return self
 
 
 class Terrain(Strict):
-    """A surface model (DSM) as a GeoTIFF with a CRS, heights in metres above the datum."""
+    """A surface model (DSM), a GeoTIFF with a CRS, or a mesh with an origin; heights above the datum, metres.
+
+    origin: where a mesh (x east, y north, z up, metres; PLY, OBJ, STL, OFF or GLB) lies.
+    """
 
     file: Path
     height_datum: Datum = "ellipsoid"
+    origin: MeshOrigin | None = None
 
 
 class Telemetry(Strict):
@@ -55,8 +90,25 @@ class Stream(Strict):
     site: str
 
 
+class Delays(Strict):
+    """What a frame's way to a detector takes beside execution; within a site nothing.
+
+    burst: the largest packet, in mean packets of its stream.
+    """
+
+    encode: PositiveSeconds
+    decode: PositiveSeconds
+    burst: float = Field(default=1.0, ge=1.0, le=1000.0)
+
+
 class Processing(Strict):
-    """The paper's processingFrameRate, maxProcessingTime, detPerStream, detPerFrame, w; the memory rule."""
+    """The paper's processingFrameRate, maxProcessingTime, detPerStream, detPerFrame, w; the memory rule.
+
+    Past the paper, each off unless asked for. codecs: the plan chooses one per substream, by the pool's
+    accuracy_by_codec; none: ``codec`` for all. expected_size: accuracies for the size of a person that is to
+    be expected in each stream. sharing: detectors that share a machine slow each other down, as the pool has
+    it. delays: max_processing_time includes encoding, transfer and decoding.
+    """
 
     frame_rate: Hertz
     max_processing_time: PositiveSeconds
@@ -67,6 +119,10 @@ class Processing(Strict):
     codec: Codec = "h264"
     bitrates: tuple[Bitrate, ...] = Field(min_length=1)
     time_limit: PositiveSeconds = 30.0
+    codecs: tuple[Codec, ...] = ()
+    expected_size: bool = False
+    sharing: bool = False
+    delays: Delays | None = None
 
 
 class ObjectSize(Strict):
@@ -90,20 +146,89 @@ class ObjectSize(Strict):
         return self
 
 
+class Uncertainty(Strict):
+    """Standard deviations of everything that a place is computed from; its error ellipse follows from them.
+
+    Biases are the same for all looks of a stream, so that no number of looks averages them away; noise
+    wanders with the correlation time. position: each horizontal axis; height: the vertical one; attitude:
+    each of yaw, pitch and roll. box: the centre of a box in a picture. terrain: height of the surface about
+    a place. body: the middle of a person from the middle of the boxes, which posture and cover move.
+
+    The defaults are those of a drone with plain satellite positioning: open-sky receivers state 1.5 m within
+    which half of the positions lie (1.5 m / 1.177 on each axis) and heights half as good again; compasses and
+    gimbals are good to a degree. With RTK a mission should say so.
+    """
+
+    position_bias: NonNegativeMeters = 1.3
+    height_bias: NonNegativeMeters = 2.0
+    attitude_bias: NonNegativeRadians = math.radians(1.0)
+    position_noise: NonNegativeMeters = 0.1
+    attitude_noise: NonNegativeRadians = math.radians(0.2)
+    correlation_time: PositiveSeconds = 2.0
+    box: NonNegativePixels = 2.0
+    terrain: NonNegativeMeters = 0.25
+    body: NonNegativeMeters = 0.12
+
+
+class SecondLook(Strict):
+    """Which ground is worth a second look, and how a drone would look at it.
+
+    pod_min, resolution_min (pixels per person), looks_min: seen worse than that is seen badly.
+    unresolved_from: a probability from there to the threshold is undecided, if there were unresolved_looks
+    observations at least. min_area (square metres): smaller areas are left out, after those closer than
+    merge_distance have been made one. height (above the surface), speed, overlap (of neighbouring strips,
+    0..0.9), hover: of the proposed flight.
+    """
+
+    pod_min: Fraction = 0.5
+    resolution_min: NonNegativePixels = 20.0
+    looks_min: int = Field(default=1, ge=0)
+    unresolved_from: Fraction = 0.3
+    unresolved_looks: int = Field(default=5, ge=1)
+    min_area: float = Field(default=6.0, gt=0.0)
+    merge_distance: PositiveMeters = 2.0
+    height: PositiveMeters = 12.0
+    speed: MetersPerSecond = 3.0
+    overlap: float = Field(default=0.3, ge=0.0, le=0.9)
+    hover: PositiveSeconds = 4.0
+
+
+class ObjectClass(Strict):
+    """What a class of objects looks like. id: the detectors' class id. name: of its layer of the map.
+
+    typical_width, typical_height: of an object that was missed, for the probability of detection; absent: the
+    middle between the least and the greatest.
+    """
+
+    id: int = Field(ge=0)
+    name: str = Field(pattern=r"^[A-Za-z0-9_.-]+$")
+    significant_point: SignificantPoint
+    object_size: ObjectSize
+    typical_width: PositiveMeters | None = None
+    typical_height: PositiveMeters | None = None
+
+
 class Fusion(Strict):
-    """The sensor model and the salient locations (the paper's section 'Detection fusion')."""
+    """The sensor model and the salient locations (the paper's section 'Detection fusion').
+
+    significant_point, object_size: of persons, the detectors' class 0. further_classes: what else is mapped,
+    each class in a layer of its own.
+    """
 
     cell_size: PositiveMeters
     positive_max: HalfFraction
     negative_max: HalfFraction
     tukey_alpha: Fraction
-    significant_point: Literal["bottom_center", "center"]
+    significant_point: SignificantPoint
     object_size: ObjectSize
+    further_classes: tuple[ObjectClass, ...] = ()
     threshold: Fraction
     cluster_distance: PositiveMeters
     clamp_min: float = Field(default=0.1192, ge=0.0, lt=0.5)
     clamp_max: float = Field(default=0.971, gt=0.5, le=1.0)
     lateness: PositiveSeconds
+    uncertainty: Uncertainty = Uncertainty()
+    second_look: SecondLook = SecondLook()
 
     @model_validator(mode="after")
     def _threshold_can_be_reached(self) -> Fusion:
@@ -112,9 +237,34 @@ class Fusion(Strict):
             raise mismatch(f"{self.threshold:g}", expected, ("threshold",))
         return self
 
+    @model_validator(mode="after")
+    def _classes_are_unique(self) -> Fusion:
+        for number, added in enumerate(self.further_classes):
+            for kind in ("id", "name"):
+                if getattr(added, kind) in [getattr(c, kind) for c in self.classes[: number + 1]]:
+                    at = ("further_classes", number, kind)
+                    raise mismatch(f"{getattr(added, kind)!r} again", f"every {kind} once, persons' too", at)
+        return self
+
+    @property
+    def classes(self) -> tuple[ObjectClass, ...]:
+        """Persons first, then the further classes."""
+        person = ObjectClass.model_construct(
+            id=0,
+            name="person",
+            significant_point=self.significant_point,
+            object_size=self.object_size,
+            typical_width=PERSON_WIDTH_M,
+            typical_height=PERSON_HEIGHT_M,
+        )
+        return (person, *self.further_classes)
+
 
 class Mission(Strict):
-    """Everything a run reads. Paths are relative to the mission file."""
+    """Everything a run reads. Paths are relative to the mission file.
+
+    search_area: a GeoJSON polygon of the ground to search; absent: what the drones' ways enclose.
+    """
 
     name: str
     terrain: Terrain
@@ -124,6 +274,7 @@ class Mission(Strict):
     processing: Processing
     fusion: Fusion
     truth: Path | None = None
+    search_area: Path | None = None
 
     @model_validator(mode="after")
     def _streams_are_unique(self) -> Mission:
@@ -152,5 +303,6 @@ def load_mission(path: Path) -> Mission:
             "inventory": base / mission.inventory,
             "pool": base / mission.pool,
             "truth": None if mission.truth is None else base / mission.truth,
+            "search_area": None if mission.search_area is None else base / mission.search_area,
         }
     )

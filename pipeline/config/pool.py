@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
 from pipeline.config.base import Strict, load, mismatch, refuse_repeated
+from pipeline.config.mission import Codec
 from pipeline.config.units import Bitrate, Bytes, PositiveSeconds
 
 Accuracy = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
@@ -20,12 +21,49 @@ class AccuracyAt(Strict):
     accuracy: Accuracy
 
 
+class AccuracyOfSize(AccuracyAt):
+    """Accuracy for people of one of COCO's size classes: up to 32, up to 96 and above 96 pixels square."""
+
+    size: Literal["small", "medium", "large"]
+
+
+class AccuracyWithCodec(AccuracyAt):
+    """Accuracy under one codec. low, high: 95 % interval. obtained: the bitrate that the encoder made of it.
+
+    largest_packet: how long a link of the bitrate asked for needs for it.
+    """
+
+    codec: Codec
+    low: Accuracy | None = None
+    high: Accuracy | None = None
+    obtained: Bitrate | None = None
+    largest_packet: PositiveSeconds | None = None
+
+
+class AccuracyInContext(AccuracyAt):
+    """Accuracy where a standing person is expected to be so large, the root of its box's area in pixels."""
+
+    person_px_from: float = Field(ge=0.0)
+    person_px_below: float | None = Field(default=None, gt=0.0)
+
+
+class Sharing(Strict):
+    """How many times as long a frame takes when so many detectors share the machine."""
+
+    detectors: int = Field(ge=2)
+    factor: float = Field(ge=1.0)
+
+
 class TimeOn(Strict):
-    """Execution time per frame on one machine type, worst case and mean."""
+    """Execution time per frame on one machine type, worst case and mean, as it was set up there."""
 
     machine: str
     mean: PositiveSeconds
     maximum: PositiveSeconds | None = None
+    minimum: PositiveSeconds | None = None
+    p95: PositiveSeconds | None = None
+    provider: str | None = None
+    threads: int | None = Field(default=None, ge=1)
 
     @model_validator(mode="after")
     def _maximum_is_not_below_mean(self) -> TimeOn:
@@ -38,7 +76,8 @@ class PoolDetector(Strict):
     """One detector.
 
     model: the ONNX file, relative to the pool file; none for a detector that is only planned with.
-    card: its data sheet. score_threshold: detections below it are not reported.
+    card: its data sheet. score_threshold: detections below it are not reported. accuracy: under the codec
+    and by the metric that the provenance names; the other accuracies say more of the same. sha256: of model.
     """
 
     id: str = Field(pattern=r"^[A-Za-z0-9_.-]+$")
@@ -48,10 +87,22 @@ class PoolDetector(Strict):
     score_threshold: Accuracy = 0.3
     accuracy: tuple[AccuracyAt, ...] = Field(min_length=1)
     times: tuple[TimeOn, ...] = Field(min_length=1)
+    sharing: tuple[Sharing, ...] = ()
+    accuracy_by_size: tuple[AccuracyOfSize, ...] = ()
+    accuracy_by_codec: tuple[AccuracyWithCodec, ...] = ()
+    accuracy_by_context: tuple[AccuracyInContext, ...] = ()
+    sha256: str | None = Field(default=None, pattern=r"^[0-9a-f]{64}$")
 
     @model_validator(mode="after")
     def _rows_are_unique(self) -> PoolDetector:
         refuse_repeated("bitrate", [row.bitrate for row in self.accuracy], at="accuracy")
+        refuse_repeated("number of detectors", [row.detectors for row in self.sharing], at="sharing")
+        of_size = [(row.size, row.bitrate) for row in self.accuracy_by_size]
+        refuse_repeated("size and bitrate", of_size, at="accuracy_by_size")
+        with_codec = [(row.codec, row.bitrate) for row in self.accuracy_by_codec]
+        refuse_repeated("codec and bitrate", with_codec, at="accuracy_by_codec")
+        in_context = [(row.person_px_from, row.bitrate) for row in self.accuracy_by_context]
+        refuse_repeated("context and bitrate", in_context, at="accuracy_by_context")
         refuse_repeated("machine type", [row.machine for row in self.times], at="times")
         return self
 

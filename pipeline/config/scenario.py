@@ -7,9 +7,9 @@ from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, field_validator
+from pydantic import Field, field_validator, model_validator
 
-from pipeline.config.base import Strict, load
+from pipeline.config.base import Strict, load, mismatch
 from pipeline.config.camera import Calibration
 from pipeline.config.mission import Fusion, Processing
 from pipeline.config.units import (
@@ -65,11 +65,19 @@ class People(Strict):
     apart: PositiveMeters
 
 
+class Hover(Strict):
+    """A place to stay at, and where to look. heading: clockwise from north."""
+
+    east: Meters
+    north: Meters
+    heading: Radians
+
+
 class FlightPlan(Strict):
     """A lawn-mower pattern, the lanes split between the drones.
 
     height: above the smoothed ground. pitch: of the camera, negative is down.
-    longest: the flight ends then at last.
+    longest: the flight ends then at last. hover: one drone stays there for so long instead.
     """
 
     drones: int = Field(ge=1, le=26)
@@ -78,6 +86,7 @@ class FlightPlan(Strict):
     pitch: Radians
     lane_spacing: PositiveMeters
     longest: PositiveSeconds
+    hover: Hover | None = None
 
     @field_validator("pitch")
     @classmethod
@@ -85,6 +94,12 @@ class FlightPlan(Strict):
         if not math.radians(-90.0) <= value <= math.radians(-20.0):
             raise ValueError("expected a pitch between -90 and -20 degrees")
         return value
+
+    @model_validator(mode="after")
+    def _one_hovers(self) -> FlightPlan:
+        if self.hover is not None and self.drones != 1:
+            raise mismatch(f"{self.drones} drones", "1, since it hovers", ("drones",))
+        return self
 
 
 class Recording(Strict):

@@ -17,6 +17,7 @@ _BPS = {"bps": 1.0, "kbps": 1e3, "mbps": 1e6, "gbps": 1e9}
 _RADIANS = {"degrees": math.pi / 180.0, "radians": 1.0}
 _BYTES = {"megabytes": 1e6, "gigabytes": 1e9}
 _MPS = {"meters_per_second": 1.0}
+_PIXELS = {"pixels": 1.0}
 
 
 def _quantity(units: dict[str, float], low: float, high: float) -> Callable[[Any], float]:
@@ -53,6 +54,7 @@ _INF = math.inf
 #: no length or time in a search is greater; what is, is a slip
 _MOST = 1e9
 Meters = Annotated[float, BeforeValidator(_quantity(_METERS, -_MOST, _MOST))]
+NonNegativeMeters = Annotated[float, BeforeValidator(_quantity(_METERS, 0.0, _MOST))]
 PositiveMeters = Annotated[float, BeforeValidator(_quantity(_METERS, 1e-9, _MOST))]
 Seconds = Annotated[float, BeforeValidator(_quantity(_SECONDS, -_MOST, _MOST))]
 PositiveSeconds = Annotated[float, BeforeValidator(_quantity(_SECONDS, 1e-9, _MOST))]
@@ -62,5 +64,7 @@ BitsPerSecond = Annotated[float, Field(allow_inf_nan=True), BeforeValidator(_qua
 #: bits per second of a video
 Bitrate = Annotated[float, BeforeValidator(_quantity(_BPS, 1.0, 1e12))]
 Radians = Annotated[float, BeforeValidator(_quantity(_RADIANS, -_MOST, _MOST))]
+NonNegativeRadians = Annotated[float, BeforeValidator(_quantity(_RADIANS, 0.0, math.pi))]
+NonNegativePixels = Annotated[float, BeforeValidator(_quantity(_PIXELS, 0.0, _MOST))]
 Bytes = Annotated[float, BeforeValidator(_quantity(_BYTES, 0.0, 1e15))]
 MetersPerSecond = Annotated[float, BeforeValidator(_quantity(_MPS, 0.0, 1e4))]

@@ -27,10 +27,20 @@ class Detector:
         Boxes (N, 4) xyxy in pixels, inside the picture; scores (N,) of at least score_threshold; class ids
         (N,), all 0.
         """
+        return self.chosen(image, *self.candidates(image))
+
+    def candidates(self, image: NDArray[np.uint8]) -> tuple[FloatArray, FloatArray]:
+        """All that the network says: boxes (N, 4) xyxy in pixels of the picture, and scores (N,)."""
         inputs, placement = self.layout.prepare(image)
         boxes, scores = self.layout.decode(self._session.run(inputs))
+        return placement.image_from_input(boxes), scores
+
+    def chosen(
+        self, image: NDArray[np.uint8], boxes: FloatArray, scores: FloatArray
+    ) -> tuple[FloatArray, FloatArray, NDArray[np.int64]]:
+        """Of candidates in a picture those that detect reports."""
         likely = scores >= self.score_threshold
-        boxes, scores = placement.image_from_input(boxes[likely]), scores[likely]
+        boxes, scores = boxes[likely], scores[likely]
         kept = non_maximum_suppression(boxes, scores, self.layout.nms_iou)
         height, width = image.shape[:2]
         inside = np.clip(boxes[kept], 0.0, [width, height, width, height])

@@ -6,8 +6,7 @@ Readings taken where the paper is open:
   although their centres may project just below the box.
 - A box cut by the picture's border has neither a known size nor a known significant point: it raises nothing,
   and what lies behind it is still not lowered.
-- There is one map, of persons: which classes are persons is the detector's business, and class ids are not
-  looked at.
+- What lies behind a box is not observed, whatever the box's class; a class without a layer raises nothing.
 """
 
 from __future__ import annotations
@@ -15,29 +14,31 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Mapping
+from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.config.mission import Fusion
 from pipeline.errors import InputError
+from pipeline.fusion.faults import box_fault, is_cut, pose_fault, shape_fault
 from pipeline.fusion.look import Look
 from pipeline.fusion.sensor_model import SensorModel
-from pipeline.fusion.visibility import visible_cells
+from pipeline.fusion.visibility import Visibility
 from pipeline.fusion.voxel_map import VoxelMap, log_odds
 from pipeline.geo.camera import Camera
 from pipeline.geo.terrain import Terrain
-from pipeline.messages import CameraPose, Detections, FloatArray
+from pipeline.messages import Detections, FloatArray
 
-#: A box whose edge is this near to the picture's border counts as cut by it.
-_BORDER_PX = 2.0
+_NO_BOXES = np.zeros((0, 4))
 
 
 class Fuser:
     """Raises the voxels of detections and lowers those seen without one.
 
-    map: its VoxelMap. looks: the detections that raised it, in order. refused: bad input by reason, which
-    left the map as it was. unplaced: good boxes without a valid voxel or with an impossible size, by reason;
-    they raised nothing.
+    maps: a VoxelMap per class name; map: that of persons. looks: the detections that raised them, in the
+    order of time, stream and detector. refused: bad input by reason, which left the map as it was. unplaced:
+    good boxes without a valid voxel or with an impossible size, by reason; they raised nothing.
     """
 
     def __init__(
@@ -46,18 +47,40 @@ class Fuser:
         params: Fusion,
         cameras: Mapping[str, Camera],
         relative_accuracy: Mapping[str, float],
+        folder: Path | None = None,
+        owned: NDArray[np.bool_] | None = None,
     ) -> None:
-        """cameras: by stream. relative_accuracy: p_det^rel in 0..1 by detector, else InputError."""
+        """cameras: by stream. relative_accuracy: p_det^rel in 0..1 by detector, else InputError.
+
+        folder: where the maps may put what does not fit into memory. owned: the tiles that this fuser keeps,
+        see sharding; all if absent.
+        """
         for detector, accuracy in relative_accuracy.items():
             if not 0.0 <= accuracy <= 1.0:
                 raise InputError(f"relative accuracy of {detector}", f"{accuracy:g}", "a number in 0..1")
-        self.map = VoxelMap(terrain, params.clamp_min, params.clamp_max)
+        self._classes = {c.id: c for c in params.classes}
+        self.maps = {
+            c.name: VoxelMap(terrain, params.clamp_min, params.clamp_max, folder, owned)
+            for c in params.classes
+        }
+        self.map = self.maps[params.classes[0].name]
         self.looks: list[Look] = []
         self.refused: Counter[str] = Counter()
         self.unplaced: Counter[str] = Counter()
-        self._terrain, self._params = terrain, params
+        self._visibility = Visibility(terrain, owned)
+        self._terrain = terrain
         self._cameras, self._p_detector = dict(cameras), dict(relative_accuracy)
-        self._models = {stream: SensorModel(camera, params) for stream, camera in cameras.items()}
+        self._pixel_rad = {stream: 1.0 / math.sqrt(c.fx * c.fy) for stream, c in cameras.items()}
+        self._models = {
+            (stream, c.name): SensorModel(camera, params, c)
+            for stream, camera in cameras.items()
+            for c in params.classes
+        }
+        #: what a camera sees of any class, metres
+        self._reach_m = {
+            stream: max(self._models[stream, c.name].max_distance_m for c in params.classes)
+            for stream in cameras
+        }
 
     def apply(self, detections: Detections) -> None:
         """Apply one frame's result: first what it raises, then what it lowers.
@@ -69,12 +92,22 @@ class Fuser:
             self.refused[reason] += 1
             return
         sound = self._sound_boxes(detections)
-        placed = [self._look(detections, i) for i in sound]
-        self.unplaced.update(reason for reason in placed if isinstance(reason, str))
-        looks = [look for look in placed if isinstance(look, Look)]
-        self._raise(looks)
-        self._lower(detections, detections.boxes_px[sound], looks)
+        looks = self._looks(detections, sound) if sound else []
+        boxes_px = detections.boxes_px[sound] if sound else _NO_BOXES
+        for name, voxel_map in self.maps.items():
+            mine = [look for look in looks if look.class_name == name]
+            raised = np.array([[k.row for k in mine], [k.column for k in mine]], dtype=np.int64)
+            if mine:
+                voxel_map.update(raised[0], raised[1], log_odds(np.array([look.p for look in mine])))
+            distances_m = np.array([math.dist(k.intersection_enu, k.camera_enu) for k in mine])
+            self._observe(voxel_map, name, detections, boxes_px, (raised, distances_m))
+        self._keep(looks)
+
+    def _keep(self, looks: list[Look]) -> None:
+        late = bool(looks and self.looks) and looks[0].order < self.looks[-1].order
         self.looks += looks
+        if late:
+            self.looks.sort(key=lambda look: look.order)
 
     def _fault(self, detections: Detections) -> str | None:
         """Why nothing of a result can be used, if so."""
@@ -82,105 +115,85 @@ class Fuser:
             return "unknown stream"
         if detections.detector not in self._p_detector:
             return "unknown detector"
-        n = len(detections.boxes_px)
-        if detections.boxes_px.shape != (n, 4) or detections.scores.shape != (n,):
-            return "boxes and scores of different number"
-        return self._pose_fault(detections.pose)
-
-    def _pose_fault(self, pose: CameraPose) -> str | None:
-        rotation = pose.enu_from_camera
-        if not (np.isfinite(pose.position_enu).all() and np.isfinite(rotation).all()):
-            return "pose with NaN"
-        if np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-6 or np.linalg.det(rotation) < 0.0:
-            return "attitude that is no rotation"
-        if self._terrain.cells(pose.position_enu[None])[0, 0] < 0:
-            return "pose outside the terrain"
-        ground = self._terrain.height(float(pose.position_enu[0]), float(pose.position_enu[1]))
-        if pose.position_enu[2] <= ground:
-            return "pose under the ground"
-        return None
+        return shape_fault(detections) or pose_fault(detections.pose, self._terrain)
 
     def _sound_boxes(self, detections: Detections) -> list[int]:
         """Numbers of the boxes that can be used."""
-        sound = []
-        for i, (box, score) in enumerate(zip(detections.boxes_px, detections.scores, strict=True)):
-            reason = _box_fault(box, float(score), self._cameras[detections.stream])
+        sound, camera = [], self._cameras[detections.stream]
+        boxes, scores = detections.boxes_px.tolist(), detections.scores.tolist()
+        for i, (box, score) in enumerate(zip(boxes, scores, strict=True)):
+            reason = box_fault(box, score, camera)
             if reason is None:
                 sound.append(i)
             else:
                 self.refused[reason] += 1
         return sound
 
-    def _look(self, detections: Detections, i: int) -> Look | str:
-        """Where box i stands and how much it says, or why it has no place."""
-        box, camera = detections.boxes_px[i], self._cameras[detections.stream]
-        model, position = self._models[detections.stream], detections.pose.position_enu
-        if _is_cut(box, camera):
+    def _looks(self, detections: Detections, sound: list[int]) -> list[Look]:
+        """Where the boxes stand and how much they say; those without a place are counted."""
+        boxes = detections.boxes_px[sound].tolist()
+        pixels = [((x0 + x1) / 2.0, (y0 + y1) / 2.0) for x0, y0, x1, y1 in boxes]
+        pixels += [((x0 + x1) / 2.0, y1) for x0, _, x1, y1 in boxes]
+        rays = self._cameras[detections.stream].rays_enu(np.array(pixels), detections.pose)
+        looks = []
+        for i, to_center, to_bottom in zip(sound, rays[: len(sound)], rays[len(sound) :], strict=True):
+            look = self._look(detections, i, to_center, to_bottom)
+            if isinstance(look, str):
+                self.unplaced[look] += 1
+            elif self.map.tiles.owns(look.row, look.column):
+                looks.append(look)
+        return looks
+
+    def _look(
+        self, detections: Detections, i: int, to_center: FloatArray, to_bottom: FloatArray
+    ) -> Look | str:
+        """Where box i stands and how much it says, or why it has no place. to_*: rays (3,), map frame."""
+        box, position = detections.boxes_px[i].tolist(), detections.pose.position_enu
+        object_class = self._classes.get(int(detections.class_ids[i]))
+        if object_class is None:
+            return "class without a layer"
+        if is_cut(box, self._cameras[detections.stream]):
             return "cut by the picture's border"
-        center = (box[:2] + box[2:]) / 2.0
-        significant = center if self._params.significant_point == "center" else np.array([center[0], box[3]])
-        rays = camera.rays_enu(np.stack([significant, center]), detections.pose)
-        hit = self._terrain.intersect(position, rays[0], model.reach_m)
+        model = self._models[detections.stream, object_class.name]
+        ray = to_center if object_class.significant_point == "center" else to_bottom
+        hit = self._terrain.intersect(position, ray, model.reach_m)
         if hit is None:
             return "no ground within reach"
-        row, column = (int(k) for k in self._terrain.cells(hit[None])[0])
+        row, column = self._terrain.cell(float(hit[0]), float(hit[1]))
         if not self.map.valid(row, column):
             return "no voxel"
         score, p_detector = float(detections.scores[i]), self._p_detector[detections.detector]
         p = model.positive(box, score, math.dist(hit, position), p_detector)
         if p <= 0.5:
-            return "not the size of a person, or no trust"
+            return "not the size of its class, or no trust"
+        time_ns, stream, detector = detections.order
         return Look(
-            detections.time_ns,
-            detections.stream,
-            detections.detector,
+            time_ns,
+            stream,
+            detector,
             score,
             p,
             row,
             column,
             hit,
             position,
-            rays[1],
+            to_center,
+            detections.pose.enu_from_camera,
+            self._pixel_rad[stream],
+            object_class.name,
+            i,
         )
 
-    def _raise(self, looks: list[Look]) -> None:
-        """positiveUpdate of Algorithm grid_update."""
-        rows = np.array([look.row for look in looks], dtype=np.int64)
-        columns = np.array([look.column for look in looks], dtype=np.int64)
-        self.map.update(rows, columns, log_odds(np.array([look.p for look in looks], dtype=np.float64)))
-
-    def _lower(self, detections: Detections, boxes_px: FloatArray, looks: list[Look]) -> None:
-        """negativeUpdate of Algorithm grid_update."""
-        model = self._models[detections.stream]
-        rows, columns, distances = visible_cells(
-            self._terrain,
-            self._cameras[detections.stream],
-            detections.pose,
-            model.max_distance_m,
-            boxes_px,
-        )
-        if looks:
-            free = np.ones(len(rows), dtype=bool)
-            for row, column in {(look.row, look.column) for look in looks}:
-                free &= (rows != row) | (columns != column)
-            rows, columns, distances = rows[free], columns[free], distances[free]
-        p = model.negative(distances, self._p_detector[detections.detector])
-        self.map.update(rows, columns, log_odds(p))
-
-
-def _box_fault(box: FloatArray, score: float, camera: Camera) -> str | None:
-    """Why one box can not be used, if so."""
-    if not np.isfinite(box).all():
-        return "box with NaN"
-    if box[2] <= box[0] or box[3] <= box[1]:
-        return "box without area"
-    if box[2] <= 0.0 or box[3] <= 0.0 or box[0] >= camera.width or box[1] >= camera.height:
-        return "box outside the picture"
-    if not 0.0 <= score <= 1.0:
-        return "score outside 0..1"
-    return None
-
-
-def _is_cut(box: FloatArray, camera: Camera) -> bool:
-    low, high = _BORDER_PX, (camera.width - _BORDER_PX, camera.height - _BORDER_PX)
-    return bool(box[0] < low or box[1] < low or box[2] > high[0] or box[3] > high[1])
+    def _observe(
+        self,
+        voxel_map: VoxelMap,
+        name: str,
+        detections: Detections,
+        boxes_px: FloatArray,
+        raised: tuple[NDArray[np.int64], FloatArray],
+    ) -> None:
+        """negativeUpdate of Algorithm grid_update. raised: rows and columns (2, N), and distances (N,)."""
+        camera, reach_m = self._cameras[detections.stream], self._reach_m[detections.stream]
+        seen, distances_m = self._visibility.cells(camera, detections.pose, reach_m, boxes_px)
+        model, p_detector = self._models[detections.stream, name], self._p_detector[detections.detector]
+        voxel_map.observe(seen, distances_m, *raised, model, p_detector, detections.time_ns)

@@ -10,6 +10,7 @@ the paper's.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,8 +20,21 @@ from pipeline.messages import FloatArray
 
 #: Standard deviations, metres: of the average of the ground points (the bias of lying bodies),
 #: and of the bundle of centre rays (the box's centre is not quite the same point of the body from all sides).
-_GROUND_STD_M = 0.5
-_RAYS_STD_M = 0.05
+GROUND_STD_M = 0.5
+RAYS_STD_M = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class Fix:
+    """The middle of a body by least squares, and what each look does to it.
+
+    body_enu: float64 (3,), metres. from_rays, from_ground: float64 (N, 2, 3), how far its east and north move
+    for each metre that the centre ray, the ground point of a look moves (east, north, up).
+    """
+
+    body_enu: FloatArray
+    from_rays: FloatArray
+    from_ground: FloatArray
 
 
 def weights(looks: Sequence[Look]) -> FloatArray:
@@ -36,12 +50,18 @@ def mean_intersection(looks: Sequence[Look]) -> FloatArray:
 
 def locate(looks: Sequence[Look]) -> FloatArray:
     """East and north (2,), metres, of the middle of the body."""
-    share = weights(looks)
+    return solve(looks).body_enu[:2]
+
+
+def solve(looks: Sequence[Look]) -> Fix:
+    """The least-squares solution of the looks' rays and of their average ground point."""
+    share = weights(looks)[:, None, None]
     rays = np.array([look.center_ray_enu for look in looks])
     cameras = np.array([look.camera_enu for look in looks])
-    across = np.eye(3) - rays[:, :, None] * rays[:, None, :]
-    information = np.einsum("n,nij->ij", share, across) / _RAYS_STD_M**2
-    toward = np.einsum("n,nij,nj->i", share, across, cameras) / _RAYS_STD_M**2
-    ground = np.diag([1.0, 1.0, 0.0]) / _GROUND_STD_M**2
-    body = np.linalg.solve(information + ground, toward + ground @ mean_intersection(looks))
-    return np.asarray(body[:2], dtype=np.float64)
+    points = np.array([look.intersection_enu for look in looks])
+    across = share * (np.eye(3) - rays[:, :, None] * rays[:, None, :]) / RAYS_STD_M**2
+    level = share * np.diag([1.0, 1.0, 0.0]) / GROUND_STD_M**2
+    normal = (across + level).sum(axis=0)
+    from_rays, from_ground = np.linalg.solve(normal, across), np.linalg.solve(normal, level)
+    body = np.einsum("nij,nj->i", from_rays, cameras) + np.einsum("nij,nj->i", from_ground, points)
+    return Fix(body, from_rays[:, :2], from_ground[:, :2])

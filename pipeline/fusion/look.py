@@ -13,6 +13,8 @@ class Look:
 
     intersection_enu: float64 (3,), where the ray of the significant point meets the terrain, metres.
     camera_enu: float64 (3,), metres. center_ray_enu: float64 (3,), unit direction of the box's centre.
+    enu_from_camera: float64 (3, 3), the camera's attitude. pixel_rad: the angle that a pixel covers.
+    class_name: what was detected, the map's layer. box: its number in the detector's result.
     """
 
     time_ns: int
@@ -25,3 +27,12 @@ class Look:
     intersection_enu: FloatArray
     camera_enu: FloatArray
     center_ray_enu: FloatArray
+    enu_from_camera: FloatArray
+    pixel_rad: float
+    class_name: str = "person"
+    box: int = 0
+
+    @property
+    def order(self) -> tuple[int, str, str, int]:
+        """The order of looks: that in which results are applied, and of the boxes in a result."""
+        return self.time_ns, self.stream, self.detector, self.box

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,9 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from pipeline.config.mission import Fusion
+from pipeline.config.mission import Fusion, Uncertainty
+from pipeline.fusion.error_ellipse import ErrorEllipse, ellipse_of
+from pipeline.fusion.error_propagation import place_covariance
 from pipeline.fusion.localization import locate, mean_intersection, weights
 from pipeline.fusion.look import Look
 from pipeline.fusion.voxel_map import VoxelMap
@@ -26,9 +28,9 @@ class SalientLocation:
 
     id: from 1, in the order of first sight. class_name: what is there. probability: mean of the cluster's
     voxels, 0..1. position_enu: float64 (3,), metres, on the terrain. latitude_deg, longitude_deg: WGS84.
-    height_m: above the terrain's datum. spread_m: standard deviation of the looks' ground points about their
-    mean, horizontal. cells: voxels in the cluster. looks: detections that it rests on. first_seen_ns,
-    last_seen_ns: capture times, ns UTC. streams: who saw it, sorted.
+    height_m: above the terrain's datum. error: of the position, horizontal. spread_m: standard deviation of
+    the looks' ground points about their mean, horizontal. cells: voxels in the cluster. looks: detections
+    that it rests on. first_seen_ns, last_seen_ns: capture times, ns UTC. streams: who saw it, sorted.
     """
 
     id: int
@@ -38,6 +40,7 @@ class SalientLocation:
     latitude_deg: float
     longitude_deg: float
     height_m: float
+    error: ErrorEllipse
     spread_m: float
     cells: int
     looks: int
@@ -62,20 +65,43 @@ def salient_locations(
     centres). A look belongs to the cluster of the nearest cell, at most half the cluster distance away. A
     cluster without a look is none.
     """
+    return tuple(
+        _location(voxel_map.terrain, params.uncertainty, i, cluster)
+        for i, cluster in enumerate(_seen_clusters(voxel_map, looks, params), start=1)
+    )
+
+
+def looks_by_location(
+    voxel_map: VoxelMap, looks: Sequence[Look], params: Fusion
+) -> tuple[tuple[Look, ...], ...]:
+    """The looks that each of the salient locations rests on, in the order of their ids."""
+    return tuple(tuple(cluster.looks) for cluster in _seen_clusters(voxel_map, looks, params))
+
+
+def _seen_clusters(voxel_map: VoxelMap, looks: Sequence[Look], params: Fusion) -> list[_Cluster]:
     clusters = [cluster for cluster in _clusters(voxel_map, looks, params) if cluster.looks]
-    clusters.sort(key=lambda cluster: cluster.looks[0].time_ns)
-    return tuple(_location(voxel_map.terrain, i, cluster) for i, cluster in enumerate(clusters, start=1))
+    return sorted(clusters, key=lambda cluster: cluster.looks[0].time_ns)
+
+
+def locations_of_all_classes(
+    maps: Mapping[str, VoxelMap], looks: Sequence[Look], params: Fusion
+) -> tuple[SalientLocation, ...]:
+    """The salient locations of every class's map, in the order of first sight. maps: by class name."""
+    found: list[SalientLocation] = []
+    for name, voxel_map in maps.items():
+        found += salient_locations(voxel_map, [look for look in looks if look.class_name == name], params)
+    found.sort(key=lambda location: location.first_seen_ns)
+    return tuple(replace(location, id=i) for i, location in enumerate(found, start=1))
 
 
 def _clusters(voxel_map: VoxelMap, looks: Sequence[Look], params: Fusion) -> list[_Cluster]:
-    probability = voxel_map.probability()
-    rows, columns = np.nonzero((probability > params.threshold) & (voxel_map.observations > 0))
+    rows, columns, probability = voxel_map.probable(params.threshold)
     if rows.size == 0:
         return []
     tree = cKDTree(voxel_map.terrain.centers(rows, columns))
     count, labels = _euclidean_clusters(tree, params.cluster_distance)
     mine = _looks_of(tree, labels, count, looks, params.cluster_distance / 2.0)
-    p = probability[rows, columns].astype(np.float64)
+    p = probability.astype(np.float64)
     return [_Cluster(float(p[labels == k].mean()), int((labels == k).sum()), mine[k]) for k in range(count)]
 
 
@@ -104,7 +130,7 @@ def _looks_of(
     return found
 
 
-def _location(terrain: Terrain, number: int, cluster: _Cluster) -> SalientLocation:
+def _location(terrain: Terrain, uncertainty: Uncertainty, number: int, cluster: _Cluster) -> SalientLocation:
     looks = cluster.looks
     middle = mean_intersection(looks)
     east, north = (float(x) for x in locate(looks))
@@ -115,12 +141,13 @@ def _location(terrain: Terrain, number: int, cluster: _Cluster) -> SalientLocati
     offsets = np.array([look.intersection_enu for look in looks])[:, :2] - middle[:2]
     return SalientLocation(
         id=number,
-        class_name="person",
+        class_name=looks[0].class_name,
         probability=cluster.probability,
         position_enu=np.array([east, north, height]),
         latitude_deg=float(latitude),
         longitude_deg=float(longitude),
         height_m=height,
+        error=ellipse_of(place_covariance(looks, uncertainty)),
         spread_m=math.sqrt(float(weights(looks) @ (offsets**2).sum(axis=1))),
         cells=cluster.cells,
         looks=len(looks),

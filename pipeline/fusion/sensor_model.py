@@ -17,7 +17,7 @@ import math
 
 import numpy as np
 
-from pipeline.config.mission import Fusion
+from pipeline.config.mission import PERSON_HEIGHT_M, Fusion, ObjectClass
 from pipeline.geo.camera import Camera
 from pipeline.messages import FloatArray
 
@@ -61,15 +61,22 @@ def p_negative(p_distance: FloatArray, p_detector: float, negative_max: float) -
 class SensorModel:
     """The model of one camera that looks for objects of one class."""
 
-    def __init__(self, camera: Camera, params: Fusion) -> None:
-        self._camera, self._params = camera, params
-        size = params.object_size
+    def __init__(self, camera: Camera, params: Fusion, object_class: ObjectClass | None = None) -> None:
+        """object_class: persons if absent."""
+        self.object_class = object_class or params.classes[0]
+        self._camera, self._params, self._size = camera, params, self.object_class.object_size
+        size = self._size
         least_px_m = math.sqrt(self._box_area_px2(size.width_min, size.height_min, 1.0))
         greatest_px_m = math.sqrt(self._box_area_px2(size.width_max, size.height_max, 1.0))
         #: beyond it the least object is not seen, metres
         self.max_distance_m = least_px_m / SMALLEST_BOX_PX
         #: beyond it no object of the class is seen, metres
         self.reach_m = greatest_px_m / SMALLEST_BOX_PX
+        self.negative_max = params.negative_max
+        #: pixels per person of PERSON_HEIGHT_M times the distance, metres
+        self.resolution_px_m = bbox_size_px(PERSON_HEIGHT_M, 1.0, camera.fy, camera.height, camera.height)
+        #: the area component of a typical object, the same at every distance
+        self.typical_area_component = self._typical_area_component()
 
     def positive(self, box_px: FloatArray, score: float, distance_m: float, p_detector: float) -> float:
         """Probability of a detection's voxel: box (4,) x0, y0, x1, y1; score and p_detector in 0..1."""
@@ -81,13 +88,30 @@ class SensorModel:
         factor = distance_factor(distance_m, self.max_distance_m)
         return p_negative(factor, p_detector, self._params.negative_max)
 
+    def frame_pod(self, distance_m: float, p_detector: float) -> float:
+        """POD of one frame: that a typical object at this distance would have been detected.
+
+        The paper's components, each the share of objects that one circumstance leaves: distance, size (Tukey
+        window) and detector. p_det^rel is relative to the best of the pool, so POD is too.
+        """
+        factor = float(distance_factor(np.array(distance_m), self.max_distance_m))
+        return factor * self.typical_area_component * p_detector
+
     def area_component(self, box_px: FloatArray, distance_m: float) -> float:
         """p_bbox^area, 0..1: how well the box's area fits an object of the class at this distance."""
-        size = self._params.object_size
-        least = self._box_area_px2(size.width_min, size.height_min, distance_m)
-        greatest = self._box_area_px2(size.width_max, size.height_max, distance_m)
         area = float((box_px[2] - box_px[0]) * (box_px[3] - box_px[1]))
-        return tukey_window((area - least) / (greatest - least), self._params.tukey_alpha)
+        return self._area_component(area, distance_m)
+
+    def _area_component(self, area_px2: float, distance_m: float) -> float:
+        least = self._box_area_px2(self._size.width_min, self._size.height_min, distance_m)
+        greatest = self._box_area_px2(self._size.width_max, self._size.height_max, distance_m)
+        return tukey_window((area_px2 - least) / (greatest - least), self._params.tukey_alpha)
+
+    def _typical_area_component(self) -> float:
+        size, typical = self._size, self.object_class
+        width = typical.typical_width or (size.width_min + size.width_max) / 2.0
+        height = typical.typical_height or (size.height_min + size.height_max) / 2.0
+        return self._area_component(self._box_area_px2(width, height, 1.0), 1.0)
 
     def _box_area_px2(self, width_m: float, height_m: float, distance_m: float) -> float:
         c = self._camera

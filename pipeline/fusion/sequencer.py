@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import bisect
 import heapq
 import math
+from array import array
 from collections import Counter
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
 
 from pipeline.messages import Detections, Dropped, EndOfStream
 
@@ -13,23 +16,48 @@ Substream = tuple[str, str]
 Order = tuple[int, str, str]
 
 
+@dataclass(frozen=True)
+class SequencerState:
+    """All that a sequencer knows: see Sequencer. applied_ns, newest_ns: by substream."""
+
+    open: list[Substream]
+    newest_ns: dict[Substream, int]
+    applied_ns: dict[Substream, array[int]]
+    waiting: list[Detections]
+    released: Order | None
+    refused: dict[tuple[str, str, str], int]
+    late: dict[Substream, int]
+
+
 class Sequencer:
     """Holds results back until no earlier one is still to come.
 
-    A substream (stream, detector) sends in order of time, perhaps again after a restart. A result is released
-    once every open substream has come as far (the watermark); with a finite lateness also once some substream
-    is that much ahead.
+    With a finite lateness a result is released once some substream is that much ahead of it: results that
+    come in any order are put right, as long as none comes after one that is newer by the lateness or more. A
+    result that comes later still is released at once, out of its place, and counted. Without a lateness a
+    result is released once every open substream has come as far, however long that takes; each substream must
+    then send in order of time, perhaps again after a restart.
 
-    refused: what was dropped, by (stream, detector, reason). "duplicate": it came before. "late": results
-    after it have been released already. "unknown substream".
+    late: results released out of their place, by substream. refused: what was dropped, by (stream, detector,
+    reason). "duplicate": it came before. "before the start". "unknown substream".
     """
 
-    def __init__(self, substreams: Collection[Substream], lateness_ns: int | None) -> None:
-        """lateness_ns: how long a substream is waited for, by the time of capture; None: for ever."""
+    def __init__(
+        self,
+        substreams: Collection[Substream],
+        lateness_ns: int | None,
+        start_ns: Mapping[str, int] | None = None,
+    ) -> None:
+        """lateness_ns: how long a result is waited for, by the time of capture; None: for ever.
+
+        start_ns: capture time of each stream's first frame.
+        """
         self.refused: Counter[tuple[str, str, str]] = Counter()
-        self._lateness_ns = lateness_ns
+        self.late: Counter[Substream] = Counter()
+        self._lateness_ns, self._start_ns = lateness_ns, start_ns or {}
         self._open = set(substreams)
         self._newest: dict[Substream, float] = dict.fromkeys(substreams, -math.inf)
+        self._applied: dict[Substream, array[int]] = {key: array("q") for key in substreams}
         self._waiting: list[Order] = []
         self._results: dict[Order, Detections] = {}
         self._released: Order | None = None
@@ -37,47 +65,85 @@ class Sequencer:
     def push(self, message: Detections | Dropped | EndOfStream) -> list[Detections]:
         """Take one message and return the results that it releases, in order."""
         substream = message.stream, message.detector
-        if substream not in self._newest:
-            self.refused[(*substream, "unknown substream")] += 1
+        reason = self._reason_to_refuse(substream, message)
+        if reason is not None:
+            self.refused[(*substream, reason)] += 1
             return []
         if isinstance(message, EndOfStream):
             self._open.discard(substream)
-        else:
-            if isinstance(message, Detections):
-                self._take(substream, message)
-            self._newest[substream] = max(self._newest[substream], message.time_ns)
-        return self._release(self._watermark())
+            return self._release(self._watermark())
+        late = self._take(substream, message) if isinstance(message, Detections) else []
+        self._newest[substream] = max(self._newest[substream], message.time_ns)
+        return late + self._release(self._watermark())
 
     def finish(self) -> list[Detections]:
         """Close every substream and return the remaining results, in order."""
         self._open.clear()
         return self._release(math.inf)
 
-    def _take(self, substream: Substream, result: Detections) -> None:
-        reason = self._reason_to_refuse(substream, result)
-        if reason is not None:
-            self.refused[(*substream, reason)] += 1
-            return
+    @property
+    def state(self) -> SequencerState:
+        """A copy of what is needed to go on later."""
+        return SequencerState(
+            sorted(self._open),
+            {key: int(newest) for key, newest in self._newest.items() if newest > -math.inf},
+            {key: array("q", times) for key, times in self._applied.items()},
+            [self._results[order] for order in sorted(self._waiting)],
+            self._released,
+            dict(self.refused),
+            dict(self.late),
+        )
+
+    def restore(self, state: SequencerState) -> None:
+        """Go on where another sequencer of the same substreams stopped."""
+        self._open = set(state.open)
+        self._newest |= state.newest_ns
+        self._applied |= {key: array("q", times) for key, times in state.applied_ns.items()}
+        self._results = {result.order: result for result in state.waiting}
+        self._waiting, self._released = sorted(self._results), state.released
+        self.refused, self.late = Counter(state.refused), Counter(state.late)
+
+    def _take(self, substream: Substream, result: Detections) -> list[Detections]:
+        """Queue a result, or return it if its place in the order has passed."""
+        if self._released is not None and result.order < self._released:
+            self.late[substream] += 1
+            bisect.insort(self._applied[substream], result.time_ns)
+            return [result]
         heapq.heappush(self._waiting, result.order)
         self._results[result.order] = result
+        return []
 
-    def _reason_to_refuse(self, substream: Substream, result: Detections) -> str | None:
-        if result.order in self._results:
-            return "duplicate"
-        if self._released is None or result.order > self._released:
+    def _reason_to_refuse(
+        self, substream: Substream, message: Detections | Dropped | EndOfStream
+    ) -> str | None:
+        if substream not in self._newest:
+            return "unknown substream"
+        if not isinstance(message, Detections):
             return None
-        return "duplicate" if result.time_ns <= self._newest[substream] else "late"
+        if message.order in self._results or _holds(self._applied[substream], message.time_ns):
+            return "duplicate"
+        if message.time_ns < self._start_ns.get(message.stream, message.time_ns):
+            return "before the start"
+        return None
 
     def _watermark(self) -> float:
         """Capture time up to which everything has come, or is waited for no longer."""
-        waited_for = min((self._newest[substream] for substream in self._open), default=math.inf)
+        if not self._open:
+            return math.inf
         if self._lateness_ns is None:
-            return waited_for
-        return max(waited_for, max(self._newest.values(), default=-math.inf) - self._lateness_ns)
+            return min(self._newest[substream] for substream in self._open)
+        return max(self._newest.values()) - self._lateness_ns
 
     def _release(self, watermark: float) -> list[Detections]:
         released = []
         while self._waiting and self._waiting[0][0] <= watermark:
             self._released = heapq.heappop(self._waiting)
             released.append(self._results.pop(self._released))
+            self._applied[self._released[1:]].append(self._released[0])
         return released
+
+
+def _holds(times: array[int], time_ns: int) -> bool:
+    """Whether sorted times hold one."""
+    at = bisect.bisect_left(times, time_ns)
+    return at < len(times) and times[at] == time_ns

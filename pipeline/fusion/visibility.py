@@ -13,18 +13,19 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.fusion.visibility_kernels import observe, sweep
+from pipeline.fusion.tiles import TILE_BITS
+from pipeline.fusion.visibility_kernels import frustum, select, sweep
 from pipeline.geo.camera import Camera
 from pipeline.geo.terrain import Terrain
 from pipeline.messages import CameraPose, FloatArray
 
 #: Distance of neighbouring azimuths at the far end, cells.
-_AZIMUTH_SPACING = 0.7
+_AZIMUTH_SPACING = 0.8
 _FEWEST_AZIMUTHS = 64
 #: Straight pieces per side of the outline of a picture whose lens bends straight lines.
 _PIECES_PER_SIDE = 16
 
-IntArray = NDArray[np.int64]
+CellArray = NDArray[np.int32]
 
 
 def visible_cells(
@@ -33,39 +34,98 @@ def visible_cells(
     pose: CameraPose,
     max_distance_m: float,
     excluded_boxes_px: FloatArray,
-) -> tuple[IntArray, IntArray, FloatArray]:
+) -> tuple[CellArray, CellArray, FloatArray]:
     """Rows (N,), columns (N,) and distances (N,) in metres of the seen cells, each once, in a fixed order.
 
     A cell counts up to max_distance_m, measured to its centre. Cells whose centre projects into one of the
     boxes (M, 4) x0, y0, x1, y1 are left out: they lie behind what was detected. The camera may stand outside
     the terrain.
     """
-    cell = np.array([terrain.cell_m, terrain.cell_m, 1.0])
-    position = (pose.position_enu - np.array([terrain.east_m, terrain.north_m, 0.0])) / cell
-    outline = _outline(camera) @ pose.enu_from_camera.T
-    lowest, highest = _height_range(terrain)
-    far = _far_m(outline, position[2] - lowest, max_distance_m) / terrain.cell_m
-    corner, shape = _window(terrain, position, far)
-    stamps = np.zeros(shape, dtype=np.uint8)
-    cells = np.empty((2, stamps.size), dtype=np.int64)
-    azimuths = _azimuths(outline, far)
-    drop = max(position[2] - highest, 0.0)
-    found = sweep(terrain.heights_m, position, outline / cell, azimuths, far, drop, stamps, corner, cells)
-    distances = np.empty(found)
-    boxes = np.ascontiguousarray(excluded_boxes_px, dtype=np.float64).reshape(-1, 4)
-    toward_camera = pose.enu_from_camera.T * cell
-    kept = observe(
-        terrain.heights_m,
-        position,
-        terrain.cell_m,
-        toward_camera,
-        _lens(camera),
-        boxes,
-        max_distance_m,
-        cells,
-        distances,
-    )
-    return cells[0, :kept], cells[1, :kept], distances[:kept]
+    cells, distances = Visibility(terrain).cells(camera, pose, max_distance_m, excluded_boxes_px)
+    return cells[0], cells[1], distances
+
+
+class Visibility:
+    """What cameras see on one terrain. Keeps scratch memory, and the last sweep: detectors share frames."""
+
+    def __init__(self, terrain: Terrain, owned: NDArray[np.bool_] | None = None) -> None:
+        """owned: (tile rows, tile columns); a camera that sees none of these tiles need not be swept for."""
+        self._terrain, self._owned = terrain, owned
+        self._stamps = np.empty(0, dtype=np.uint8)
+        self._seen, self._cells = np.empty(1, dtype=np.int32), np.empty((2, 0), dtype=np.int32)
+        self._distances = np.empty(0)
+        self._last: tuple[object, ...] = ()
+        self._window, self._found = (0, 0, 0), 0
+
+    def cells(
+        self, camera: Camera, pose: CameraPose, max_distance_m: float, excluded_boxes_px: FloatArray
+    ) -> tuple[CellArray, FloatArray]:
+        """Rows and columns (2, N) and distances (N,), see visible_cells; views, good until the next call."""
+        terrain = self._terrain
+        last = camera, pose.position_enu.tobytes(), pose.enu_from_camera.tobytes(), max_distance_m
+        if last != self._last:
+            self._found = self._sweep(camera, pose, max_distance_m)
+            self._last = last
+        kept = select(
+            terrain.heights_m,
+            _position(terrain, pose),
+            terrain.cell_m,
+            pose.enu_from_camera.T * (terrain.cell_m, terrain.cell_m, 1.0),
+            _lens(camera),
+            np.ascontiguousarray(excluded_boxes_px, dtype=np.float64).reshape(-1, 4),
+            max_distance_m,
+            self._window,
+            self._seen[: self._found],
+            self._cells,
+            self._distances,
+        )
+        return self._cells[:, :kept], self._distances[:kept]
+
+    def _sweep(self, camera: Camera, pose: CameraPose, max_distance_m: float) -> int:
+        """Fill in the cells seen; how many they are."""
+        terrain = self._terrain
+        position = _position(terrain, pose)
+        outline = _outline(camera) @ pose.enu_from_camera.T
+        first, width, reach = frustum(outline)
+        lowest, highest = terrain.height_range(_window(terrain, position, max_distance_m / terrain.cell_m))
+        if lowest > highest:
+            return 0
+        far_m = max_distance_m if math.isinf(reach) else min(reach * (position[2] - lowest), max_distance_m)
+        far = max(far_m, 0.0) / terrain.cell_m
+        row, column, rows, columns = _window(terrain, position, far + 2.0)
+        if not self._owns_any((row, column, rows, columns)):
+            return 0
+        self._window = row, column, (columns - 1).bit_length()
+        size = rows << self._window[2]
+        self._reserve(size)
+        count = max(math.ceil(width * far / _AZIMUTH_SPACING), _FEWEST_AZIMUTHS)
+        return int(
+            sweep(
+                terrain.heights_m,
+                position,
+                outline / (terrain.cell_m, terrain.cell_m, 1.0),
+                (first, width, count),
+                far,
+                lowest,
+                highest,
+                self._window,
+                self._stamps[:size],
+                self._seen,
+            )
+        )
+
+    def _owns_any(self, window: tuple[int, int, int, int]) -> bool:
+        row, column, rows, columns = window
+        if self._owned is None or not rows or not columns:
+            return rows > 0 and columns > 0
+        last_row, last_column = (row + rows - 1) >> TILE_BITS, (column + columns - 1) >> TILE_BITS
+        return bool(self._owned[row >> TILE_BITS : last_row + 1, column >> TILE_BITS : last_column + 1].any())
+
+    def _reserve(self, size: int) -> None:
+        if size > self._stamps.size:
+            self._stamps = np.empty(size, dtype=np.uint8)
+            self._seen, self._cells = np.empty(size + 1, dtype=np.int32), np.empty((2, size), dtype=np.int32)
+            self._distances = np.empty(size)
 
 
 @lru_cache(maxsize=64)
@@ -85,39 +145,26 @@ def _lens(camera: Camera) -> FloatArray:
     return np.array([camera.fx, camera.fy, camera.cx, camera.cy, *camera.distortion])
 
 
-@lru_cache(maxsize=8)
-def _height_range(terrain: Terrain) -> tuple[float, float]:
-    return float(np.nanmin(terrain.heights_m)), float(np.nanmax(terrain.heights_m))
+def _position(terrain: Terrain, pose: CameraPose) -> tuple[float, float, float]:
+    """The camera in cells from the centre of the terrain's first cell, and its height in metres."""
+    east, north, up = pose.position_enu.tolist()
+    return (
+        (east - terrain.east_m) / terrain.cell_m - 0.5,
+        (north - terrain.north_m) / terrain.cell_m - 0.5,
+        up,
+    )
 
 
-def _far_m(outline: FloatArray, above_lowest_m: float, max_distance_m: float) -> float:
-    """Horizontal distance beyond which the picture is below the lowest cell, or the greatest asked."""
-    down = -outline[:, 2]
-    if (down <= 0.0).any():
-        return max_distance_m
-    away_per_metre_down = np.hypot(outline[:, 0], outline[:, 1]) / down
-    return min(max(above_lowest_m, 0.0) * float(away_per_metre_down.max()), max_distance_m)
+def _window(terrain: Terrain, position: tuple[float, float, float], far: float) -> tuple[int, int, int, int]:
+    """First row, first column, rows and columns of the part of the grid within far (cells) of the camera."""
+    (rows, columns), (x, y, _) = terrain.shape, position
+    row, column = _within(math.floor(y - far + 0.5), rows), _within(math.floor(x - far + 0.5), columns)
+    last_row, last_column = (
+        _within(math.floor(y + far + 1.5), rows),
+        _within(math.floor(x + far + 1.5), columns),
+    )
+    return row, column, last_row - row, last_column - column
 
 
-def _azimuths(outline: FloatArray, far: float) -> FloatArray:
-    """Azimuths (M,) that cover the picture, radians clockwise from north, for a far end of so many cells.
-
-    outline: (N, 3) directions in the map frame, in order.
-    """
-    angles = np.arctan2(outline[:, 0], outline[:, 1])
-    turns = (np.diff(angles, append=angles[:1]) + np.pi) % (2.0 * np.pi) - np.pi
-    if abs(turns.sum()) > np.pi:  # the outline runs once around a pole, so the picture holds every azimuth
-        first, width = 0.0, 2.0 * np.pi
-    else:
-        offsets = np.cumsum(turns)
-        first, width = angles[0] + offsets.min(), offsets.max() - offsets.min()
-    count = max(math.ceil(width * far / _AZIMUTH_SPACING), _FEWEST_AZIMUTHS)
-    return np.asarray(first + width / count * np.arange(count + 1.0), dtype=np.float64)
-
-
-def _window(terrain: Terrain, position: FloatArray, far: float) -> tuple[IntArray, tuple[int, int]]:
-    """First row and column (2,) and shape of the part of the grid within far (cells) of the camera."""
-    middle = position[1::-1]
-    first = np.clip(np.floor(middle - far), 0, terrain.shape).astype(np.int64)
-    last = np.clip(np.floor(middle + far) + 1, 0, terrain.shape).astype(np.int64)
-    return first, (int(last[0] - first[0]), int(last[1] - first[1]))
+def _within(cell: int, cells: int) -> int:
+    return min(max(cell, 0), cells)

@@ -1,19 +1,42 @@
-"""The map: log-odds that a person is there, one voxel per cell of the terrain's surface."""
+"""The map of one object class: what is known of every voxel, one voxel per cell of the terrain's surface."""
 
 from __future__ import annotations
 
 import math
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
-from pipeline.fusion.voxel_map_kernels import add_clamped
+from pipeline.fusion.sensor_model import SensorModel
+from pipeline.fusion.tiles import Tiles, Window
+from pipeline.fusion.voxel_map_kernels import add_clamped, observe
 from pipeline.geo.terrain import Terrain
 from pipeline.messages import FloatArray
 
 #: Probabilities are kept this far from 0 and 1, so that every log-odds is finite.
 _CERTAINTY = 1e-9
+
+#: Frames that follow one another within this time are one look, nanoseconds.
+LOOK_GAP_NS = 1_000_000_000
+
+_NONE = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.float32)
+
+#: What is kept of a voxel, 32 bytes; all zero where nothing is known. pod_before: POD of the looks before the
+#: present one; pod_look: the best frame's of the present one.
+VOXEL = np.dtype(
+    [
+        ("log_odds", "<f4"),
+        ("observations", "<i4"),
+        ("looks", "<i4"),
+        ("resolution_px", "<f4"),
+        ("pod_before", "<f4"),
+        ("pod_look", "<f4"),
+        ("last_seen_ns", "<i8"),
+    ]
+)
 
 
 def log_odds(probability: FloatArray) -> FloatArray:
@@ -23,23 +46,108 @@ def log_odds(probability: FloatArray) -> FloatArray:
 
 
 class VoxelMap:
-    """Evidence on the surface cells of a terrain; OctoMap's additive update with clamping.
+    """Evidence on the surface cells of a terrain, and how well each was observed.
 
-    log_odds: float32 (rows, columns), 0 where nothing is known. observations: int32 (rows, columns), number
-    of updates. The result of a series of updates depends on their order, because each is clamped.
+    Layers, each (rows, columns), row 0 the south edge; as properties they are copies of the whole, ``layer``
+    gives a part:
+
+    - log_odds: float32, OctoMap's additive evidence with clamping; 0 where nothing is known.
+    - observations: int32, number of updates.
+    - looks: int32, how often it was looked at. Frames that follow one another within LOOK_GAP_NS are one
+      look: what hides a person from one of them hides the person from the next.
+    - resolution_px: float32, greatest height in pixels at which a person of PERSON_HEIGHT_M showed; 0: never.
+    - pod: float32 0..1, probability of detection of an object of the class had one been there: 1 - prod(1 -
+      POD of a look), and a look is as good as its best frame.
+    - last_seen_ns: int64, capture time, ns UTC; 0: never.
+
+    The result of a series of updates depends on their order, because each is clamped.
     """
 
-    def __init__(self, terrain: Terrain, clamp_min: float, clamp_max: float) -> None:
-        """clamp_min, clamp_max: least, greatest probability of a voxel; InputError unless 0.5 is between."""
+    def __init__(
+        self,
+        terrain: Terrain,
+        clamp_min: float,
+        clamp_max: float,
+        folder: Path | None = None,
+        owned: NDArray[np.bool_] | None = None,
+    ) -> None:
+        """clamp_min, clamp_max: least, greatest probability of a voxel; InputError unless 0.5 is between.
+
+        folder: where the map may put what does not fit into memory. owned: the tiles that are kept, the rest
+        is never written to; all if absent.
+        """
         if not 0.0 <= clamp_min < 0.5 < clamp_max <= 1.0:
             raise InputError(
                 "fusion.clamp_min, clamp_max", f"{clamp_min:g} and {clamp_max:g}", "0 <= min < 0.5 < max <= 1"
             )
         self.terrain = terrain
-        self.log_odds = np.zeros(terrain.shape, dtype=np.float32)
-        self.observations = np.zeros(terrain.shape, dtype=np.int32)
+        self.tiles = Tiles(terrain.shape, VOXEL, folder, owned)
         low, high = log_odds(np.array([clamp_min, clamp_max]))
-        self._low, self._high = float(low), float(high)
+        #: least and greatest log-odds
+        self.limits = float(low), float(high)
+
+    @property
+    def log_odds(self) -> NDArray[np.float32]:
+        """See the class."""
+        return self.layer("log_odds")
+
+    @property
+    def observations(self) -> NDArray[np.int32]:
+        """See the class."""
+        return self.layer("observations")
+
+    @property
+    def looks(self) -> NDArray[np.int32]:
+        """See the class."""
+        return self.layer("looks")
+
+    @property
+    def resolution_px(self) -> NDArray[np.float32]:
+        """See the class."""
+        return self.layer("resolution_px")
+
+    @property
+    def pod(self) -> NDArray[np.float32]:
+        """See the class."""
+        return self.layer("pod")
+
+    @property
+    def last_seen_ns(self) -> NDArray[np.int64]:
+        """See the class."""
+        return self.layer("last_seen_ns")
+
+    def layer(self, name: str, window: Window = (slice(None), slice(None))) -> NDArray[Any]:
+        """A part (rows, columns) of a layer; a copy. name: see the class."""
+        if name == "pod":
+            before, look = self.tiles.part("pod_before", window), self.tiles.part("pod_look", window)
+            part: NDArray[Any] = 1.0 - (1.0 - before) * (1.0 - look)
+        else:
+            part = self.tiles.part(name, window)
+        part.flags.writeable = False  # a copy: what is written to it would be lost
+        return part
+
+    def probability(self, window: Window = (slice(None), slice(None))) -> NDArray[np.float32]:
+        """float32 (rows, columns) in 0..1; 0.5 where nothing is known, NaN where there is no voxel."""
+        known = 1.0 / (1.0 + np.exp(-self.layer("log_odds", window)))
+        return np.where(np.isfinite(self.terrain.heights_m[window]), known, np.float32(np.nan)).astype(
+            np.float32
+        )
+
+    def touched_window(self) -> Window:
+        """The least part of the map that holds all that is known, in whole tiles; empty if nothing is."""
+        return self.tiles.touched_window()
+
+    def probable(self, threshold: float) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float32]]:
+        """Rows, columns and probabilities (N,) of the observed voxels above a threshold, row by row."""
+        found = []
+        for tile in self.tiles.touched_tiles():
+            window = self.tiles.window(*tile)
+            p, observed = self.probability(window), self.layer("observations", window) > 0
+            rows, columns = np.nonzero((p > threshold) & observed)
+            found.append((rows + window[0].start, columns + window[1].start, p[rows, columns]))
+        rows, columns, p = (np.concatenate(part) for part in zip(_NONE, *found, strict=True))
+        order = np.lexsort((columns, rows))
+        return rows[order], columns[order], p[order]
 
     def valid(self, row: int, column: int) -> bool:
         """Whether there is a voxel: a cell of the terrain whose height is known."""
@@ -53,9 +161,34 @@ class VoxelMap:
         rows, columns: int64 (N,), valid cells. delta: float64 (N,) log-odds. A cell named twice is updated
         twice, in order.
         """
-        add_clamped(self.log_odds, self.observations, rows, columns, delta, self._low, self._high)
+        self.tiles.touch(rows, columns)
+        add_clamped(self.tiles.cells, self.tiles.flat(rows, columns), delta, *self.limits)
 
-    def probability(self) -> NDArray[np.float32]:
-        """float32 (rows, columns) in 0..1; 0.5 where nothing is known, NaN where there is no voxel."""
-        known = 1.0 / (1.0 + np.exp(-self.log_odds))
-        return np.where(np.isfinite(self.terrain.heights_m), known, np.float32(np.nan)).astype(np.float32)
+    def observe(
+        self,
+        seen: NDArray[np.int32],
+        distances_m: FloatArray,
+        raised: NDArray[np.int64],
+        raised_distances_m: FloatArray,
+        model: SensorModel,
+        p_detector: float,
+        time_ns: int,
+    ) -> None:
+        """Lower the voxels that a frame saw, but not those it raised, and note how well it saw all of them.
+
+        seen: int32 (2, N) rows and columns, each voxel once. distances_m: float64 (N,) from the camera;
+        voxels beyond the model's greatest distance are left alone. raised: int64 (2, M) rows and columns.
+        """
+        observe(
+            self.tiles.cells,
+            self.tiles.owned,
+            self.tiles.touched,
+            seen,
+            distances_m,
+            raised,
+            raised_distances_m,
+            (p_detector * model.negative_max, model.frame_pod(0.0, p_detector)),
+            (model.max_distance_m, model.resolution_px_m),
+            (time_ns, LOOK_GAP_NS),
+            self.limits,
+        )

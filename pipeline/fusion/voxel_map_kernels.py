@@ -1,14 +1,78 @@
-"""The compiled update of the voxel map."""
+"""The compiled updates of the voxel map."""
 
 from __future__ import annotations
 
+import math
+
 import numba
+import numpy as np
+
+from pipeline.fusion.tiles import TILE, TILE_BITS
 
 
 @numba.njit(cache=True)
-def add_clamped(log_odds, observations, rows, columns, delta, low, high):  # type: ignore[no-untyped-def]
-    """Add delta (N,) to the cells, one after the other, each sum clamped to low..high."""
-    for i in range(rows.size):
-        r, c = rows[i], columns[i]
-        log_odds[r, c] = min(max(log_odds[r, c] + delta[i], low), high)
-        observations[r, c] += 1
+def add_clamped(cells, flat, delta, low, high):  # type: ignore[no-untyped-def]
+    """Add delta (N,) to the voxels at flat (N,), one after the other, each sum clamped to low..high."""
+    for i in range(flat.size):
+        cell = cells[flat[i]]
+        cell.log_odds = min(max(cell.log_odds + delta[i], low), high)
+        cell.observations += 1
+
+
+@numba.njit(cache=True, error_model="numpy")
+def observe(  # type: ignore[no-untyped-def]
+    cells, owned, touched, seen, distances, raised, raised_distances, strength, reach, time, limits
+):
+    """Lower the seen voxels (2, N), but not those raised (2, M), and note how well all of them were seen.
+
+    owned, touched: (tile rows, tile columns); other voxels are left alone. distances, raised_distances: (N,),
+    (M,) from the camera, metres. strength: p_det^rel * p_negative^max, and POD of a frame from no distance.
+    reach: metres, where both have fallen to 0 (farther voxels are not lowered), and pixels per person times
+    metres. time: of the frame, and the longest pause within a look, ns. limits: of the log-odds.
+    """
+    negative, pod = strength
+    max_distance, resolution = reach
+    low, high = limits
+    for i in range(seen.shape[1]):
+        r, c, distance = seen[0, i], seen[1, i], distances[i]
+        if distance > max_distance or not owned[r >> TILE_BITS, c >> TILE_BITS]:
+            continue
+        touched[r >> TILE_BITS, c >> TILE_BITS] = True
+        cell = cells[_flat(r, c, touched.shape[1])]
+        factor = 1.0 - distance / max_distance
+        if not _among(r, c, raised):
+            p = max(0.5 - factor * negative, 1e-9)
+            cell.log_odds = min(max(cell.log_odds + math.log(p / (1.0 - p)), low), high)
+            cell.observations += 1
+        _note_look(cell, pod * factor, resolution / distance, time)
+    for i in range(raised.shape[1]):  # they may lie behind their box, but they were seen
+        cell = cells[_flat(raised[0, i], raised[1, i], touched.shape[1])]
+        factor = max(1.0 - raised_distances[i] / max_distance, 0.0)
+        _note_look(cell, pod * factor, resolution / raised_distances[i], time)
+
+
+@numba.njit(cache=True)
+def _note_look(cell, pod, resolution, time):  # type: ignore[no-untyped-def]
+    time_ns, pause_ns = time
+    if cell.looks == 0 or time_ns - cell.last_seen_ns > pause_ns:
+        cell.pod_before = 1.0 - (1.0 - cell.pod_before) * (1.0 - cell.pod_look)
+        cell.pod_look = 0.0
+        cell.looks += 1
+    cell.pod_look = max(cell.pod_look, np.float32(pod))
+    cell.resolution_px = max(cell.resolution_px, np.float32(resolution))
+    cell.last_seen_ns = max(cell.last_seen_ns, time_ns)
+
+
+@numba.njit(cache=True)
+def _flat(row, column, tile_columns):  # type: ignore[no-untyped-def]
+    """Where a cell lies in the array of all cells, see Tiles."""
+    tile = np.int64(row >> TILE_BITS) * tile_columns + (column >> TILE_BITS)
+    return (tile << 2 * TILE_BITS) + ((row & (TILE - 1)) << TILE_BITS) + (column & (TILE - 1))
+
+
+@numba.njit(cache=True)
+def _among(row, column, cells):  # type: ignore[no-untyped-def]
+    found = False
+    for i in range(cells.shape[1]):
+        found |= cells[0, i] == row and cells[1, i] == column
+    return found

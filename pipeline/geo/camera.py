@@ -32,7 +32,7 @@ class Camera:
         xd = (pixels[:, 0] - self.cx) / self.fx
         yd = (pixels[:, 1] - self.cy) / self.fy
         x, y = xd, yd
-        if self.distortion.any():
+        if any(self.distortion.tolist()):
             for _ in range(20):
                 xt, yt = self._distort(x, y)
                 x, y = x + (xd - xt), y + (yd - yt)
@@ -45,7 +45,7 @@ class Camera:
     def rays_enu(self, pixels: FloatArray, pose: CameraPose) -> FloatArray:
         """Unit directions (N, 3) in the map frame of pixels (N, 2)."""
         rays = self.rays(pixels) @ pose.enu_from_camera.T
-        return rays / np.linalg.norm(rays, axis=1, keepdims=True)
+        return np.asarray(rays / np.sqrt((rays * rays).sum(axis=1, keepdims=True)), dtype=np.float64)
 
     def _distort(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
         k1, k2, p1, p2, k3 = self.distortion

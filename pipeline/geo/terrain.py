@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numba
@@ -13,7 +15,10 @@ from rasterio.warp import Resampling, reproject, transform_bounds
 
 from pipeline.errors import InputError
 from pipeline.geo.frame import LocalFrame
+from pipeline.geo.height_blocks import BLOCK, STRIP, block_range, on_disk
 from pipeline.messages import FloatArray
+
+_MOST_CELLS, _MOST_CELLS_ON_DISK = 400_000_000, 100_000_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,7 +26,9 @@ class Terrain:
     """heights_m: float32 (rows, columns), NaN where unknown; row 0 is the *south* edge, column 0 the west.
 
     Cell (r, c) covers east_m + c * cell_m .. + cell_m, north_m + r * cell_m .. + cell_m; its height is that
-    of its centre.
+    of its centre. The array may be a file on disk, of which only what is looked at comes into memory.
+    block_range_m: float32 (2, rows, columns of blocks of BLOCK cells), least and greatest height of each
+    block; worked out when first needed if absent.
     """
 
     frame: LocalFrame
@@ -29,6 +36,7 @@ class Terrain:
     north_m: float
     cell_m: float
     heights_m: NDArray[np.float32]
+    block_range_m: NDArray[np.float32] | None = None
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -41,6 +49,13 @@ class Terrain:
         row = np.floor((points_enu[:, 1] - self.north_m) / self.cell_m)
         inside = (row >= 0) & (row < self.shape[0]) & (column >= 0) & (column < self.shape[1])
         return np.where(inside[:, None], np.stack([row, column], axis=1), -1).astype(np.int64)
+
+    def cell(self, east_m: float, north_m: float) -> tuple[int, int]:
+        """Row and column of a position; -1, -1 outside."""
+        row, column = (north_m - self.north_m) / self.cell_m, (east_m - self.east_m) / self.cell_m
+        if not (0.0 <= row < self.shape[0] and 0.0 <= column < self.shape[1]):
+            return -1, -1
+        return int(row), int(column)
 
     def centers(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> FloatArray:
         """Centres (N, 3) of cells on the surface."""
@@ -62,6 +77,24 @@ class Terrain:
                 (north_m - self.north_m) / self.cell_m - 0.5,
             )
         )
+
+    def height_range(self, window: tuple[int, int, int, int]) -> tuple[float, float]:
+        """Bounds of the heights in a window (first row, first column, rows, columns); (inf, -inf): none."""
+        row, column, rows, columns = window
+        if not rows or not columns:
+            return math.inf, -math.inf
+        blocks = self._block_range[
+            :,
+            row // BLOCK : (row + rows - 1) // BLOCK + 1,
+            column // BLOCK : (column + columns - 1) // BLOCK + 1,
+        ]
+        return float(blocks[0].min()), float(blocks[1].max())
+
+    @cached_property
+    def _block_range(self) -> NDArray[np.float32]:
+        if self.block_range_m is not None:
+            return self.block_range_m
+        return block_range(self.heights_m)
 
     def intersect(
         self, origin_enu: FloatArray, direction_enu: FloatArray, max_distance_m: float
@@ -86,30 +119,77 @@ def frame_of(path: Path) -> LocalFrame:
     return LocalFrame((south + north) / 2.0, (west + east) / 2.0)
 
 
-def load_terrain(path: Path, cell_m: float, frame: LocalFrame | None = None) -> Terrain:
-    """Resample a GeoTIFF surface model to the map frame. Raises InputError if it cannot be used."""
+def load_terrain(
+    path: Path, cell_m: float, frame: LocalFrame | None = None, folder: Path | None = None
+) -> Terrain:
+    """Resample a GeoTIFF surface model to the map frame. Raises InputError if it cannot be used.
+
+    folder: where the heights of a terrain larger than memory are put, in a file without a name that is gone
+    with the process; in memory if absent.
+    """
     frame = frame or frame_of(path)
     with _open(path) as source:
-        west, south, east, north = transform_bounds(source.crs, frame.crs, *source.bounds, densify_pts=21)
-        west, south = np.floor(west / cell_m) * cell_m, np.floor(south / cell_m) * cell_m
-        columns, rows = int(np.ceil((east - west) / cell_m)), int(np.ceil((north - south) / cell_m))
-        if rows * columns > 400_000_000:
-            raise InputError(
-                path, f"{rows} x {columns} cells of {cell_m} m", "at most 4e8 cells: a larger cell_size"
-            )
-        north_up = np.full((rows, columns), np.nan, dtype=np.float32)
-        finer = abs(source.transform.a) < 0.75 * cell_m and source.crs.is_projected
-        reproject(
-            rasterio.band(source, 1),
-            north_up,
-            dst_transform=rasterio.transform.from_origin(west, south + rows * cell_m, cell_m, cell_m),
-            dst_crs=frame.crs.to_wkt(),
-            dst_nodata=np.nan,
-            resampling=Resampling.average if finer else Resampling.bilinear,
-        )
-    if not np.isfinite(north_up).any():
+        west_m, south_m, shape = _grid(source, frame, cell_m)
+        most = _MOST_CELLS if folder is None else _MOST_CELLS_ON_DISK
+        if shape[0] * shape[1] > most:
+            found = f"{shape[0]} x {shape[1]} cells of {cell_m} m"
+            raise InputError(path, found, f"at most {most:.0e} cells: a larger cell_size")
+        heights_m, ranges = _heights(source, frame, cell_m, (west_m, south_m), shape, folder)
+    known = np.isfinite(heights_m).any() if ranges is None else (ranges[0] <= ranges[1]).any()
+    if not known:
         raise InputError(path, "no height at all", "a surface model with heights")
-    return Terrain(frame, float(west), float(south), cell_m, np.ascontiguousarray(north_up[::-1]))
+    return Terrain(frame, west_m, south_m, cell_m, heights_m, ranges)
+
+
+def _heights(
+    source: rasterio.DatasetReader,
+    frame: LocalFrame,
+    cell_m: float,
+    corner_m: tuple[float, float],
+    shape: tuple[int, int],
+    folder: Path | None,
+) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
+    """The heights of a terrain, and on disk the ranges of its blocks, which would else be read again."""
+    west_m, south_m = corner_m
+
+    def strip(first: int, last: int) -> NDArray[np.float32]:
+        return _resample(source, frame, cell_m, west_m, south_m + last * cell_m, (last - first, shape[1]))
+
+    if folder is None:
+        return strip(0, shape[0]), None
+    rows = range(0, shape[0], STRIP)
+    return on_disk((strip(row, min(row + STRIP, shape[0])) for row in rows), shape, folder)
+
+
+def _resample(
+    source: rasterio.DatasetReader,
+    frame: LocalFrame,
+    cell_m: float,
+    west_m: float,
+    north_m: float,
+    shape: tuple[int, int],
+) -> NDArray[np.float32]:
+    """A part of the terrain (rows, columns) whose north-west corner is given, south up."""
+    north_up = np.full(shape, np.nan, dtype=np.float32)
+    finer = abs(source.transform.a) < 0.75 * cell_m and source.crs.is_projected
+    reproject(
+        rasterio.band(source, 1),
+        north_up,
+        dst_transform=rasterio.transform.from_origin(west_m, north_m, cell_m, cell_m),
+        dst_crs=frame.crs.to_wkt(),
+        dst_nodata=np.nan,
+        resampling=Resampling.average if finer else Resampling.bilinear,
+    )
+    return np.ascontiguousarray(north_up[::-1])
+
+
+def _grid(
+    source: rasterio.DatasetReader, frame: LocalFrame, cell_m: float
+) -> tuple[float, float, tuple[int, int]]:
+    """West and south edge, metres, and rows and columns of the terrain that holds a surface model."""
+    bounds = transform_bounds(source.crs, frame.crs, *source.bounds, densify_pts=21)
+    west, south = (math.floor(edge / cell_m) * cell_m for edge in bounds[:2])
+    return west, south, (math.ceil((bounds[3] - south) / cell_m), math.ceil((bounds[2] - west) / cell_m))
 
 
 def _open(path: Path) -> rasterio.DatasetReader:

@@ -16,9 +16,10 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LightSource, ListedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from numpy.typing import NDArray
 
 from pipeline.fusion.salient import SalientLocation
+from pipeline.fusion.second_flight import SecondFlight
+from pipeline.fusion.second_look import SecondLookArea
 from pipeline.fusion.voxel_map import VoxelMap
 from pipeline.messages import FloatArray
 from pipeline.outputs.truth import TruePerson
@@ -26,6 +27,7 @@ from pipeline.outputs.truth import TruePerson
 #: after Okabe and Ito: apart from each other and from the probability's colours, also for the colour-blind
 TRACK_COLORS = ("#0072B2", "#009E73", "#CC79A7", "#56B4E9", "#332288", "#882255")
 _LINE_STYLES = ("-", "--", "-.", ":")
+_ELLIPSE: dict[str, Any] = {"color": "#B3123B", "lw": 1.3}
 _MARGIN_M = 8.0
 _MOST_PIXELS = 1400
 _DPI = 150
@@ -59,6 +61,59 @@ def map_picture(
     return figure
 
 
+def draw_map(
+    axes: Axes,
+    voxel_map: VoxelMap,
+    locations: Sequence[SalientLocation],
+    truth: Sequence[TruePerson] = (),
+) -> ScalarMappable:
+    """The same as a small picture among others: relief, probability, people and places; for a colour bar."""
+    window = _window(voxel_map, {}, truth)
+    _draw_ground(axes, voxel_map, window)
+    shown = _draw_colors(axes, voxel_map, window)
+    _draw_truth(axes, truth)
+    for place in locations:
+        axes.plot(*(place.position_enu[:2] + place.error.outline()).T, zorder=6, **_ELLIPSE)
+    axes.tick_params(labelsize=8)
+    return shown
+
+
+def second_look_picture(voxel_map: VoxelMap, areas: Sequence[SecondLookArea], flight: SecondFlight) -> Figure:
+    """The areas worth a second look, by number, and the flight over them."""
+    rings = {f"area {area.id}": area.rings[0] for area in areas}
+    window = _window(voxel_map, rings | {"home": flight.home_enu[None]}, ())
+    figure = Figure(figsize=_size_in(voxel_map, window), dpi=_DPI, layout="constrained")
+    axes = figure.add_subplot()
+    _draw_ground(axes, voxel_map, window)
+    _draw_colors(axes, voxel_map, window)
+    for area in areas:
+        axes.fill(*area.rings[0].T, fc="#E69F0066", ec="#A05A00", lw=1.4, zorder=3)
+        for hole in area.rings[1:]:
+            axes.fill(*hole.T, fc="#ffffff66", ec="#A05A00", lw=0.8, zorder=3)
+        style: dict[str, Any] = {
+            "ha": "center",
+            "va": "center",
+            "fontsize": 11,
+            "fontweight": "bold",
+            "zorder": 6,
+        }
+        axes.annotate(str(area.id), area.cells_enu.mean(axis=0), path_effects=_HALO, **style)
+    way = np.array([flight.home_enu, *(w.position_enu for w in flight.waypoints)])
+    axes.plot(way[:, 0], way[:, 1], color="#0072B2", lw=1.5, zorder=4, path_effects=_HALO)
+    hover = np.array([w.position_enu for w in flight.waypoints if w.hover_s > 0.0]).reshape(-1, 3)
+    axes.plot(hover[:, 0], hover[:, 1], "o", color="#0072B2", mec="white", ms=6, zorder=5)
+    axes.plot(*flight.home_enu[:2], marker="s", color="black", mec="white", ms=8, zorder=5)
+    _draw_scale_and_north(axes)
+    axes.set_xlabel("east of the map's origin, m")
+    axes.set_ylabel("north, m")
+    handles = [
+        Line2D([], [], ls="", marker="s", color="#E69F00", mec="#A05A00", label="worth a second look"),
+        Line2D([], [], color="#0072B2", label="proposed flight (dot: hover, square: home)"),
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False, fontsize=10)
+    return figure
+
+
 def png(figure: Figure) -> bytes:
     """The figure as PNG; the same figure gives the same bytes."""
     buffer = io.BytesIO()
@@ -72,10 +127,13 @@ Window = tuple[slice, slice]
 
 def _window(voxel_map: VoxelMap, tracks: Mapping[str, FloatArray], truth: Sequence[TruePerson]) -> Window:
     terrain = voxel_map.terrain
-    rows, columns = np.nonzero(voxel_map.observations)
+    known = voxel_map.touched_window()
+    observed = np.argwhere(voxel_map.layer("observations", known)) + np.array(
+        [known[0].start, known[1].start]
+    )
     points = [terrain.cells(track) for track in tracks.values()]
     points += [terrain.cells(person.track_enu) for person in truth]
-    cells = np.concatenate([np.stack([rows, columns], axis=1), *points])
+    cells = np.concatenate([observed, *points])
     cells = cells[cells[:, 0] >= 0]
     if not len(cells):
         return slice(0, terrain.shape[0]), slice(0, terrain.shape[1])
@@ -120,8 +178,14 @@ def _draw_ground(axes: Axes, voxel_map: VoxelMap, window: Window) -> None:
 
 
 def _draw_probability(figure: Figure, axes: Axes, voxel_map: VoxelMap, window: Window) -> None:
-    observed = voxel_map.observations[window] > 0
-    shown = _block_max(np.where(observed, voxel_map.probability()[window], np.nan))
+    shown = _draw_colors(axes, voxel_map, window)
+    bar = figure.colorbar(shown, ax=axes, shrink=0.6, aspect=28, pad=0.01)
+    bar.set_label("probability of a person (no colour: not looked at)", fontsize=9)
+
+
+def _draw_colors(axes: Axes, voxel_map: VoxelMap, window: Window) -> ScalarMappable:
+    observed = voxel_map.layer("observations", window) > 0
+    shown = _block_max(np.where(observed, voxel_map.probability(window), np.nan))
     colors, scale = _colors(), Normalize(0.0, 1.0)
     axes.imshow(
         colors(scale(np.ma.masked_invalid(shown))),
@@ -130,8 +194,7 @@ def _draw_probability(figure: Figure, axes: Axes, voxel_map: VoxelMap, window: W
         interpolation="nearest",
         zorder=1,
     )
-    bar = figure.colorbar(ScalarMappable(scale, colors), ax=axes, shrink=0.6, aspect=28, pad=0.01)
-    bar.set_label("probability of a person (no colour: not looked at)", fontsize=9)
+    return ScalarMappable(scale, colors)
 
 
 def _block_max(values: FloatArray) -> FloatArray:
@@ -184,6 +247,8 @@ def _draw_places(axes: Axes, locations: Sequence[SalientLocation]) -> list[Line2
     for place in locations:
         east, north = place.position_enu[:2]
         axes.plot(east, north, zorder=6, **style)
+        outline = place.position_enu[:2] + place.error.outline()
+        axes.plot(*outline.T, zorder=6, **_ELLIPSE)
         axes.annotate(
             str(place.id),
             (east, north),
@@ -195,7 +260,9 @@ def _draw_places(axes: Axes, locations: Sequence[SalientLocation]) -> list[Line2
             path_effects=[patheffects.withStroke(linewidth=3.5, foreground="white")],
         )
     small = style | {"ms": 10}
-    return [Line2D([], [], ls="", label="found place, with its number", **small)] if locations else []
+    found = Line2D([], [], ls="", label="found place, with its number", **small)
+    ellipse = Line2D([], [], label="its error ellipse, 95 %", **_ELLIPSE)
+    return [found, ellipse] if locations else []
 
 
 def _draw_scale_and_north(axes: Axes) -> None:
@@ -240,5 +307,6 @@ def _round_length_m(most_m: float) -> float:
 
 def observed_area_m2(voxel_map: VoxelMap) -> float:
     """Ground area of the cells that were looked at, square metres."""
-    seen: NDArray[np.bool_] = voxel_map.observations > 0
-    return float(np.count_nonzero(seen)) * voxel_map.terrain.cell_m**2
+    tiles = voxel_map.tiles
+    seen = sum(np.count_nonzero(tiles.tile(*tile)["observations"]) for tile in tiles.touched_tiles())
+    return float(seen) * voxel_map.terrain.cell_m**2

@@ -12,6 +12,8 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from pipeline.fusion.salient import SalientLocation
+from pipeline.fusion.second_flight import SecondFlight
+from pipeline.fusion.second_look import SecondLookArea
 from pipeline.fusion.voxel_map import VoxelMap
 from pipeline.messages import FloatArray
 from pipeline.outputs.map_picture import map_picture, observed_area_m2, png
@@ -27,6 +29,7 @@ class ReportData:
 
     tracks: positions of each drone, stream -> float64 (N, >=2), ENU metres. truth: empty if not known.
     schedule: the Gantt picture of the plan. evidence: (id of the found place, PNG of what was seen there).
+    second_look: areas worth one, the most worth first. second_flight: over them; its picture.
     """
 
     summary: Summary
@@ -35,6 +38,9 @@ class ReportData:
     truth: Sequence[TruePerson]
     schedule: Figure
     evidence: Sequence[tuple[int, bytes]] = ()
+    second_look: Sequence[SecondLookArea] = ()
+    second_flight: SecondFlight | None = None
+    second_picture: Figure | None = None
 
 
 def write_report(path: Path, data: ReportData) -> None:
@@ -74,6 +80,9 @@ def render_report(data: ReportData) -> str:
         map_png=png(map_picture(data.voxel_map, data.tracks, summary.locations, data.truth)),
         schedule_png=png(data.schedule),
         evidence=data.evidence,
+        second_look=data.second_look,
+        second_flight=data.second_flight,
+        second_png=None if data.second_picture is None else png(data.second_picture),
     )
 
 

@@ -8,31 +8,46 @@ import numpy as np
 import rasterio
 from numpy.typing import NDArray
 from rasterio.transform import from_origin
+from rasterio.windows import Window
 
 from pipeline.fusion.voxel_map import VoxelMap
 from pipeline.outputs.safe_write import replacing
 
-BANDS = (("probability", "1"), ("log_odds", "nat"), ("observations", "count"))
+BANDS = (
+    ("probability", "1"),
+    ("log_odds", "nat"),
+    ("observations", "count"),
+    ("looks", "count"),
+    ("resolution", "pixels per person"),
+    ("pod", "1"),
+    ("unseen_for", "s"),
+)
 _TILE = 256
+#: Cells of a map that is written whole.
+MOST_CELLS = 100_000_000
 
 
 def write_saliency(path: Path, voxel_map: VoxelMap) -> None:
-    """Write the map, north up, one float32 band each for probability, log-odds and number of observations.
+    """Write the map, north up, one float32 band for each of BANDS; VoxelMap says what they are.
 
-    NaN (the nodata value) where the terrain is unknown. The CRS is that of the map frame. Observations are
-    whole numbers, exact up to 2^24. The same map gives the same bytes.
+    unseen_for: seconds from when a cell was last seen to the map's newest look; NaN: never seen. In all bands
+    NaN (the nodata value) where the terrain is unknown. The CRS is that of the map frame. Counts are exact up
+    to 2^24. Of a map of more than MOST_CELLS only the part that was looked at is written. The same map gives
+    the same bytes.
     """
-    bands = saliency_bands(voxel_map)
-    terrain = voxel_map.terrain
-    north_edge_m = terrain.north_m + terrain.shape[0] * terrain.cell_m
+    rows, columns = _window(voxel_map)
+    terrain, newest_ns = voxel_map.terrain, _newest_ns(voxel_map)
+    west_m = terrain.east_m + columns.start * terrain.cell_m
     profile = {
         "driver": "GTiff",
         "dtype": "float32",
         "count": len(BANDS),
-        "height": terrain.shape[0],
-        "width": terrain.shape[1],
+        "height": rows.stop - rows.start,
+        "width": columns.stop - columns.start,
         "crs": terrain.frame.crs.to_wkt(),
-        "transform": from_origin(terrain.east_m, north_edge_m, terrain.cell_m, terrain.cell_m),
+        "transform": from_origin(
+            west_m, terrain.north_m + rows.stop * terrain.cell_m, terrain.cell_m, terrain.cell_m
+        ),
         "nodata": np.nan,
         "tiled": True,
         "blockxsize": _TILE,
@@ -43,14 +58,32 @@ def write_saliency(path: Path, voxel_map: VoxelMap) -> None:
         "bigtiff": "if_safer",
     }
     with replacing(path) as temporary, rasterio.open(temporary, "w", **profile) as target:
-        target.write(bands)
+        for top in range(0, profile["height"], _TILE):
+            strip = slice(max(rows.stop - top - _TILE, rows.start), rows.stop - top)
+            bands = _bands(voxel_map, (strip, columns), newest_ns)
+            target.write(bands, window=Window(0, top, bands.shape[2], bands.shape[1]))
         target.descriptions = tuple(name for name, _ in BANDS)
         target.units = tuple(unit for _, unit in BANDS)
 
 
-def saliency_bands(voxel_map: VoxelMap) -> NDArray[np.float32]:
-    """The three bands, float32 (3, rows, columns), row 0 the north edge."""
-    known = [voxel_map.probability(), voxel_map.log_odds, voxel_map.observations]
-    bands = np.stack(known).astype(np.float32)
-    bands[:, np.isnan(voxel_map.terrain.heights_m)] = np.nan
+def _window(voxel_map: VoxelMap) -> tuple[slice, slice]:
+    rows, columns = voxel_map.terrain.shape
+    if rows * columns > MOST_CELLS and voxel_map.tiles.touched.any():
+        return voxel_map.touched_window()
+    return slice(0, rows), slice(0, columns)
+
+
+def _newest_ns(voxel_map: VoxelMap) -> int:
+    tiles = voxel_map.tiles
+    return max((int(tiles.tile(*tile)["last_seen_ns"].max()) for tile in tiles.touched_tiles()), default=0)
+
+
+def _bands(voxel_map: VoxelMap, window: tuple[slice, slice], newest_ns: int) -> NDArray[np.float32]:
+    """The bands of a part of the map, float32 (bands, rows, columns), row 0 the north edge."""
+    names = ("log_odds", "observations", "looks", "resolution_px", "pod")
+    seen_ns = voxel_map.layer("last_seen_ns", window)
+    unseen_s = np.where(seen_ns == 0, np.nan, (newest_ns - seen_ns) * 1e-9)
+    layers = [voxel_map.layer(name, window) for name in names]
+    bands = np.stack([voxel_map.probability(window), *layers, unseen_s]).astype(np.float32)
+    bands[:, np.isnan(voxel_map.terrain.heights_m[window])] = np.nan
     return bands[:, ::-1]

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from pipeline.fusion.error_ellipse import PROBABILITY, ErrorEllipse
 from pipeline.fusion.salient import SalientLocation
 from pipeline.outputs.safe_write import write_text
 from pipeline.outputs.truth import TruthMatch
@@ -39,6 +40,7 @@ def _feature(location: SalientLocation, truth_distance_m: float | None) -> dict[
         "seen_from": iso_utc(location.first_seen_ns),
         "seen_to": iso_utc(location.last_seen_ns),
         "looks": int(location.looks),
+        "error_ellipse": ellipse_json(location.error),
         "spread_m": round(float(location.spread_m), _METER_DECIMALS),
         "cells": int(location.cells),
         "streams": list(location.streams),
@@ -50,4 +52,16 @@ def _feature(location: SalientLocation, truth_distance_m: float | None) -> dict[
         "id": location.id,
         "geometry": {"type": "Point", "coordinates": [longitude, latitude, height]},
         "properties": properties,
+    }
+
+
+def ellipse_json(error: ErrorEllipse) -> dict[str, Any]:
+    """The ellipse as plain values; the covariance as east-east, east-north, north-north."""
+    (east, both), (_, north) = error.covariance_m2.tolist()
+    return {
+        "probability": PROBABILITY,
+        "semi_major_m": round(error.semi_major_m, _METER_DECIMALS),
+        "semi_minor_m": round(error.semi_minor_m, _METER_DECIMALS),
+        "orientation_deg": round(error.orientation_deg, 1),
+        "covariance_m2": [round(value, 6) for value in (east, both, north)],
     }

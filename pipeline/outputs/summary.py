@@ -13,6 +13,7 @@ from pipeline.allocation.plan import Plan
 from pipeline.fusion.salient import SalientLocation
 from pipeline.outputs.accounting import StreamAccount
 from pipeline.outputs.safe_write import WRITTEN_BY, write_text
+from pipeline.outputs.salient_geojson import ellipse_json
 from pipeline.outputs.truth import MATCH_RADIUS_M, TruthMatch
 from pipeline.outputs.utc import iso_utc
 
@@ -184,6 +185,7 @@ def _place(place: SalientLocation) -> dict[str, Any]:
         "latitude_deg": round(float(place.latitude_deg), 8),
         "longitude_deg": round(float(place.longitude_deg), 8),
         "height_m": round(float(place.height_m), 3),
+        "error_ellipse": ellipse_json(place.error),
         "seen_from": iso_utc(place.first_seen_ns),
         "seen_to": iso_utc(place.last_seen_ns),
         "looks": int(place.looks),

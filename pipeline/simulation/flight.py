@@ -1,4 +1,4 @@
-"""The flight: a lawn-mower pattern over the area, the camera looking along it."""
+"""The flight: a lawn-mower pattern over the area, the camera looking along it; or a drone that hovers."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.config.scenario import FlightPlan
+from pipeline.config.scenario import FlightPlan, Hover
 from pipeline.geo.camera import Camera
 from pipeline.geo.pose import enu_from_camera
 from pipeline.messages import CameraPose, FloatArray
@@ -68,6 +68,8 @@ def plan_flights(
     ground_height: Callable[[FloatArray, FloatArray], FloatArray],
 ) -> tuple[Flight, ...]:
     """A flight for each drone. ground_height: of arrays of east and north."""
+    if plan.hover is not None:
+        return (_hovering(plan, plan.hover, frame_rate_hz, ground_height),)
     count = max(math.ceil(extent.width_m / plan.lane_spacing), plan.drones)
     spacing = extent.width_m / count
     lanes = np.array_split(-0.5 * extent.width_m + (np.arange(count) + 0.5) * spacing, plan.drones)
@@ -114,6 +116,19 @@ def _flown(
     height = _smoothed(ground_height, east, north) + plan.height
     angles = np.column_stack([heading, np.full_like(heading, plan.pitch), np.zeros_like(heading)])
     return Flight(times, np.column_stack([east, north, height]), angles)
+
+
+def _hovering(
+    plan: FlightPlan,
+    hover: Hover,
+    frame_rate_hz: float,
+    ground_height: Callable[[FloatArray, FloatArray], FloatArray],
+) -> Flight:
+    times = np.arange(max(int(plan.longest * frame_rate_hz), 1)) / frame_rate_hz
+    height = _smoothed(ground_height, np.array([hover.east]), np.array([hover.north])) + plan.height
+    position = np.array([hover.east, hover.north, height[0]])
+    angles = np.array([hover.heading, plan.pitch, 0.0])
+    return Flight(times, np.tile(position, (len(times), 1)), np.tile(angles, (len(times), 1)))
 
 
 def _smoothed(

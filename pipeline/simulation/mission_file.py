@@ -24,6 +24,20 @@ _UNITS = {
     "width_max": ("meters", 1.0),
     "height_min": ("meters", 1.0),
     "height_max": ("meters", 1.0),
+    "position_bias": ("meters", 1.0),
+    "height_bias": ("meters", 1.0),
+    "attitude_bias": ("degrees", math.pi / 180.0),
+    "position_noise": ("meters", 1.0),
+    "attitude_noise": ("degrees", math.pi / 180.0),
+    "correlation_time": ("seconds", 1.0),
+    "box": ("pixels", 1.0),
+    "terrain": ("meters", 1.0),
+    "body": ("meters", 1.0),
+    "resolution_min": ("pixels", 1.0),
+    "merge_distance": ("meters", 1.0),
+    "height": ("meters", 1.0),
+    "speed": ("meters_per_second", 1.0),
+    "hover": ("seconds", 1.0),
 }
 
 

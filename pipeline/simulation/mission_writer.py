@@ -38,15 +38,23 @@ def simulate(scenario_path: Path, out: Path, *, progress: Progress, workers: int
     their number changes no byte. Raises InputError for an unusable scenario and for a folder in use.
     """
     scenario = load_scenario(scenario_path)
+    _refuse_used(out)
+    progress("scene", 0, 1)
+    rehearsal = rehearse(scenario)
+    progress("scene", 1, 1)
+    return write_rehearsal(rehearsal, out, progress=progress, workers=workers)
+
+
+def write_rehearsal(
+    rehearsal: Rehearsal, out: Path, *, progress: Progress, workers: int | None = None
+) -> Path:
+    """Render a scenario made concrete; as ``simulate``."""
     with _appearing(out) as folder:
-        progress("scene", 0, 1)
-        rehearsal = rehearse(scenario)
-        progress("scene", 1, 1)
         _write_ground(folder, rehearsal)
         with RenderPool(rehearsal, workers or os.cpu_count() or 1) as pool:
             for number in range(len(rehearsal.flights)):
                 _write_drone(folder, rehearsal, number, pool, progress)
-        _write_yaml(folder / "mission.yaml", mission_document(scenario, out))
+        _write_yaml(folder / "mission.yaml", mission_document(rehearsal.scenario, out))
     return out / "mission.yaml"
 
 
@@ -90,11 +98,15 @@ def _write_telemetry(path: Path, rehearsal: Rehearsal, number: int, flight: Flig
     )
 
 
+def _refuse_used(out: Path) -> None:
+    if out.exists() and not (out.is_dir() and not any(out.iterdir())):
+        raise InputError(out, "a folder that is in use", "a new or an empty folder")
+
+
 @contextmanager
 def _appearing(out: Path) -> Iterator[Path]:
     """A temporary folder beside out that takes its name when all is written, and goes away otherwise."""
-    if out.exists() and not (out.is_dir() and not any(out.iterdir())):
-        raise InputError(out, "a folder that is in use", "a new or an empty folder")
+    _refuse_used(out)
     absolute = out.absolute()
     temporary = absolute.with_name(f".{absolute.name}.{os.getpid()}.part")
     try:

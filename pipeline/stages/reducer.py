@@ -15,6 +15,8 @@ HOPS = ("encode", "transfer", "decode", "detect")
 #: upper bounds of the latency histogram, seconds
 LATENCY_BUCKETS_S = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0)
 
+_LATE = "late, applied out of its place"
+
 
 @dataclass
 class HopHistogram:
@@ -42,7 +44,7 @@ class ReducerStage:
         self.hops: dict[tuple[str, str], dict[str, HopHistogram]] = {
             key: {hop: HopHistogram() for hop in HOPS} for key in self.open
         }
-        self._sequencer = sequencer
+        self.sequencer = sequencer
 
     def push(self, message: Message) -> None:
         """Take one message of any substream."""
@@ -53,19 +55,21 @@ class ReducerStage:
         if isinstance(message, Detections):
             self.received[message.stream, message.detector].add(message.index)
         if isinstance(message, Detections | Dropped | EndOfStream):
-            self._apply(self._sequencer.push(message))
+            self._apply(self.sequencer.push(message))
 
     def finish(self) -> None:
         """Apply what is still held back."""
-        self._apply(self._sequencer.finish())
+        self._apply(self.sequencer.finish())
 
     @property
     def not_taken(self) -> dict[str, int]:
-        """What did not change the map: results that came twice or late, bad input, boxes without a place."""
-        results = Counter[str]()
-        for (_, _, reason), count in self._sequencer.refused.items():
+        """What did not change the map, or not in its place: results that came twice or late, bad input, boxes
+        without a place.
+        """
+        results = Counter({_LATE: self.sequencer.late.total()})
+        for (_, _, reason), count in self.sequencer.refused.items():
             results[reason] += count
-        return dict(results + self.fuser.refused + self.fuser.unplaced)
+        return dict(+results + self.fuser.refused + self.fuser.unplaced)
 
     def frames(self, stream: str) -> set[int]:
         """Indices of the frames of a stream that at least one detector has looked at."""

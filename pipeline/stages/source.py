@@ -139,7 +139,7 @@ class SourceStage:
     def _encoder(self, assignment: Assignment) -> Encoder:
         rate_hz = self.stream.processing_rate_hz / assignment.period
         return Encoder(
-            self.stream.codec,
+            assignment.codec or self.stream.codec,
             self.stream.video.width,
             self.stream.video.height,
             frame_rate_hz=rate_hz,

@@ -91,7 +91,10 @@ class Encoder:
 
         image: uint8 (H, W, 3) RGB. pts: units of time_base, greater than the last. keyframe: force one.
         """
-        frame = VideoFrame.from_ndarray(image, format="rgb24")
+        return self.encode_frame(VideoFrame.from_ndarray(image, format="rgb24"), pts, keyframe)
+
+    def encode_frame(self, frame: VideoFrame, pts: int, keyframe: bool = False) -> Encoded:
+        """As encode, of FFmpeg's own frame, which is changed; in yuv420p nothing has to be converted."""
         frame.pts, frame.time_base = pts, self.time_base
         frame.pict_type = PictureType.I if keyframe else PictureType.NONE
         (packet,) = self._context.encode(frame)
@@ -116,6 +119,10 @@ class Decoder:
         keyframe. Damage that leaves the syntax whole goes unnoticed, and so does, for h264 and av1, a missing
         packet: after a packet is lost, ask the encoder for a keyframe.
         """
+        return cast("NDArray[np.uint8]", self.decode_frame(data).to_ndarray(format="rgb24"))
+
+    def decode_frame(self, data: bytes) -> VideoFrame:
+        """As decode, to FFmpeg's own frame, whose pixels are not converted."""
         if not data:  # FFmpeg would take it for the end of the stream
             raise ValueError("an empty packet")
         try:
@@ -124,7 +131,7 @@ class Decoder:
             raise ValueError(f"a packet of {len(data)} bytes cannot be decoded: {error.strerror}") from None
         if len(frames) != 1 or frames[0].is_corrupt:
             raise ValueError(f"a packet of {len(data)} bytes does not hold one whole picture")
-        return cast("NDArray[np.uint8]", frames[0].to_ndarray(format="rgb24"))
+        return frames[0]
 
 
 def _has(name: str, mode: Literal["r", "w"]) -> bool:

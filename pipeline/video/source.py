@@ -98,6 +98,12 @@ def read_frames(
                 yield index, time_s - first, cast("NDArray[np.uint8]", frame.to_ndarray(format="rgb24"))
 
 
+def decoded_frames(path: Path) -> Iterator[VideoFrame]:
+    """Every picture as FFmpeg's own frame, pixels not converted; errors as in read_frames."""
+    with _opened(path) as (container, stream):
+        yield from _decoded(path, container, stream)
+
+
 def sampled_indices(
     frames: int, video_rate_hz: float, processing_rate_hz: float, where: object = "processing.frame_rate"
 ) -> NDArray[np.int64]:

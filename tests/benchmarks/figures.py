@@ -51,8 +51,9 @@ def main() -> None:
             if not mission.is_file():
                 searchlight("simulate", ROOT / f"configs/scenarios/{name}.yaml", "--out", mission.parent)
             lines.append(f"{name}: {run(mission, out / name)}")
-        for script in ("bench_fusion.py", "bench_link.py"):
-            subprocess.run([sys.executable, ROOT / "tests/benchmarks" / script], cwd=ROOT, check=True)
+        for name in ("fusion", "fusion_throughput", "error_ellipse", "link"):
+            script = ROOT / f"tests/benchmarks/bench_{name}.py"
+            subprocess.run([sys.executable, script], cwd=ROOT, check=True)
     print(*lines, sep="\n")
 
 

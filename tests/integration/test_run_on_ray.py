@@ -88,7 +88,7 @@ class Island:
 
     def python(self, code: str) -> str:
         words = [*self.within, sys.executable, "-c", code]
-        done = subprocess.run(words, env=self.env, capture_output=True, text=True, timeout=100, check=False)
+        done = subprocess.run(words, env=self.env, capture_output=True, text=True, timeout=150, check=False)
         assert done.returncode == 0, done.stderr
         return done.stdout
 
@@ -202,7 +202,7 @@ while socket.socket().connect_ex(("{host}", {port})) != 0:
 WAIT_FOR_SITE = """
 import ray, time
 ray.init(address="{address}", log_to_driver=False, logging_level="error")
-end = time.monotonic() + 60
+end = time.monotonic() + 120
 while "site:{site}" not in ray.cluster_resources():
     assert time.monotonic() < end, "the site does not come"
     time.sleep(0.5)

@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.allocation import literal
-from pipeline.allocation.explain import clashing_limits, limits
+from pipeline.allocation.explain import clashing_limits
+from pipeline.allocation.limits import limits
 from pipeline.allocation.problem import Detector, MachineLimit, Problem
 from pipeline.allocation.validate import validate
 

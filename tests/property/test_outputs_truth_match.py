@@ -4,6 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pipeline.fusion.error_ellipse import ellipse_of
 from pipeline.fusion.salient import SalientLocation
 from pipeline.outputs.accounting import StreamAccount
 from pipeline.outputs.truth import MATCH_RADIUS_M, TruePerson, match_truth
@@ -13,7 +14,8 @@ SPOTS = st.lists(st.tuples(st.floats(-4, 4), st.floats(-4, 4)), max_size=5)
 
 def place(number: int, spot: tuple[float, float]) -> SalientLocation:
     position = np.array([*spot, 0.0])
-    return SalientLocation(number, "person", 0.9, position, 0.0, 0.0, 0.0, 0.1, 4, 3, 0, 1, ("s",))
+    error = ellipse_of(np.eye(2))
+    return SalientLocation(number, "person", 0.9, position, 0.0, 0.0, 0.0, error, 0.1, 4, 3, 0, 1, ("s",))
 
 
 def best_by_trying_all(distances: np.ndarray[tuple[int, int], np.dtype[np.float64]]) -> tuple[int, float]:

@@ -8,7 +8,8 @@ from typing import Any
 
 import pytest
 
-from pipeline.allocation.build import accuracy_at, build_problem, max_frame_time_s, period_of
+from pipeline.allocation.build import build_problem, max_frame_time_s, period_of
+from pipeline.allocation.levels import accuracy_at
 from pipeline.allocation.problem import Problem
 from pipeline.config.inventory import Inventory
 from pipeline.config.mission import Processing

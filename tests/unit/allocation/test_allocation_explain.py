@@ -6,22 +6,30 @@ from collections.abc import Callable
 
 import pytest
 
-from pipeline.allocation.explain import explain
+from pipeline.allocation import explain as explanation
 from pipeline.allocation.problem import Detector, MachineLimit, Problem
 
 Tiny = Callable[..., Problem]
 
 
+def explain(problem: Problem) -> str:
+    return explanation.explain(problem).text
+
+
 def test_a_link_that_is_too_narrow_is_named_alone(tiny: Tiny) -> None:
     line = explain(tiny(("fast", 1, 0.8, 2.0), link_mbps=0.5))
     assert "the links of stream v (0.5 Mbps to s)" in line
+    assert line.endswith("enough by itself: a link of 1 Mbps from stream v to s")
     assert "memory" not in line
     assert "detectors_per" not in line
 
 
 def test_a_memory_that_is_too_small_is_named_alone(tiny: Tiny) -> None:
     line = explain(tiny(("fast", 1, 0.8, 2.0), machine_gb=1.0))
-    assert line == "these limits cannot hold together: the memory of machine m (1 GB)"
+    assert line == (
+        "these limits cannot hold together: the memory of machine m (1 GB)"
+        "; enough by itself: 2 GB on machine m"
+    )
 
 
 def test_one_detector_per_machine_is_named_by_its_rule(tiny: Tiny) -> None:
@@ -36,7 +44,9 @@ def test_detectors_per_frame_is_named_when_periods_collide(tiny: Tiny) -> None:
     few = tiny(*mixed[:1], *mixed[1:3], detectors_per_frame=1, detectors_per_stream=3, link_mbps=99.0)
     assert "cannot look at every frame" in explain(few)
     line = explain(tiny(*mixed, detectors_per_stream=2, link_mbps=99.0))
-    assert line == "these limits cannot hold together: detectors_per_stream 2"
+    assert line == (
+        "these limits cannot hold together: detectors_per_stream 2; enough by itself: detectors_per_stream 3"
+    )
 
 
 def test_a_clash_of_two_limits_names_both(tiny: Tiny) -> None:
@@ -53,6 +63,7 @@ def test_a_clash_of_two_limits_names_both(tiny: Tiny) -> None:
     assert line == (
         "these limits cannot hold together: the links of stream v (9 Mbps to s, none to t); "
         "the memory of machine m (1 GB)"
+        "; enough by itself: a link of 1 Mbps from stream v to t, or 2 GB on machine m"
     )
 
 

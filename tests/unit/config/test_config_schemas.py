@@ -125,3 +125,38 @@ def test_a_name_comes_once(write: Write, kind: str, what: str) -> None:
     path.write_text(text[:end] + text[start:end] + text[end:])
     with pytest.raises(InputError, match=f"every {what} once"):
         LOAD[kind](path)
+
+
+FURTHER = """\
+  further_classes:
+    - id: 1
+      name: boat
+      significant_point: center
+      object_size:
+        width_min: {meters: 1}
+        width_max: {meters: 9}
+        height_min: {meters: 1}
+        height_max: {meters: 9}
+"""
+
+
+def test_persons_are_the_first_class_and_others_follow(write: Write) -> None:
+    person, boat = load_mission(write("mission", "fusion:\n", "fusion:\n" + FURTHER)).fusion.classes
+    assert (person.id, person.name, person.typical_height) == (0, "person", 1.7)
+    assert (boat.id, boat.name, boat.object_size.width_max) == (1, "boat", 9.0)
+
+
+@pytest.mark.parametrize(("old", "new"), [("id: 1", "id: 0"), ("name: boat", "name: person")])
+def test_a_class_that_comes_twice_is_refused(write: Write, old: str, new: str) -> None:
+    path = write("mission", "fusion:\n", "fusion:\n" + FURTHER.replace(old, new))
+    with pytest.raises(InputError, match=r"further_classes\.0.* again; expected every"):
+        load_mission(path)
+
+
+def test_a_mesh_has_an_origin_on_earth(write: Write) -> None:
+    mesh = "{{file: hill.ply, origin: {{latitude: {{degrees: {}}}, longitude: {{degrees: 8}}}}}}"
+    origin = load_mission(write("mission", "{file: dsm.tif}", mesh.format(47.5))).terrain.origin
+    assert origin is not None
+    assert origin.latitude == pytest.approx(math.radians(47.5))
+    with pytest.raises(InputError, match=r"terrain\.origin\.latitude: found 97\.5 degrees"):
+        load_mission(write("mission", "{file: dsm.tif}", mesh.format(97.5)))

@@ -116,8 +116,8 @@ def test_the_same_results_give_the_same_bytes(plane, params, camera):
     [
         ((0.5, 218.0, 50.0, 288.0), "cut by the picture's border"),
         ((487.0, 518.0, 537.0, 580.0), "cut by the picture's border"),
-        ((500.0, 287.0, 501.0, 288.0), "not the size of a person, or no trust"),
-        ((300.0, 10.0, 900.0, 500.0), "not the size of a person, or no trust"),
+        ((500.0, 287.0, 501.0, 288.0), "not the size of its class, or no trust"),
+        ((300.0, 10.0, 900.0, 500.0), "not the size of its class, or no trust"),
     ],
 )
 def test_a_box_without_a_place_raises_nothing_and_is_counted(fuser, box, reason):

@@ -20,7 +20,8 @@ def _look(east, north, *, terrain, time_ns=0, p=0.8, stream="a"):
     point = np.array([east, north, 0.0])
     row, column = (int(k) for k in terrain.cells(point[None])[0])
     ray = (point - camera) / np.linalg.norm(point - camera)
-    return Look(time_ns, stream, "d", 0.9, p, row, column, point, camera, ray)
+    attitude = enu_from_camera(0.0, math.radians(-45.0), 0.0)
+    return Look(time_ns, stream, "d", 0.9, p, row, column, point, camera, ray, attitude, 1.0 / 900.0)
 
 
 def _raised(terrain, looks):

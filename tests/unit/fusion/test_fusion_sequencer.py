@@ -47,13 +47,30 @@ def test_a_silent_substream_is_waited_for_as_long_as_the_lateness():
     assert _orders(sequencer.push(_result("a", 110))) == [(10, "a")]
 
 
-def test_a_late_result_is_dropped_and_counted():
+def test_a_late_result_is_released_at_once_and_counted():
     sequencer = Sequencer({("a", "d"), ("b", "d")}, 100)
     sequencer.push(_result("a", 10))
     sequencer.push(_result("a", 110))
+    assert _orders(sequencer.push(_result("b", 9))) == [(9, "b")]
+    assert sequencer.late == {("b", "d"): 1}
     assert sequencer.push(_result("b", 9)) == []
-    assert sequencer.refused == {("b", "d", "late"): 1}
+    assert sequencer.refused == {("b", "d", "duplicate"): 1}
     assert _orders(sequencer.finish()) == [(110, "a")]
+
+
+def test_a_result_from_before_its_streams_start_is_dropped_and_counted():
+    sequencer = Sequencer({("a", "d"), ("b", "d")}, None, {"a": 10, "b": 0})
+    assert sequencer.push(_result("a", 9)) == []
+    assert sequencer.refused == {("a", "d", "before the start"): 1}
+    assert _orders(sequencer.push(_result("b", 9))) == []
+    assert _orders(sequencer.push(_result("a", 10))) == [(9, "b")]
+
+
+def test_results_of_one_substream_are_put_right_within_the_lateness():
+    sequencer = Sequencer({("a", "d")}, 100)
+    released = [r for t in (40, 10, 30, 20, 130) for r in sequencer.push(_result("a", t))]
+    assert _orders(released + sequencer.finish()) == [(t, "a") for t in (10, 20, 30, 40, 130)]
+    assert not sequencer.late
 
 
 def test_a_result_that_comes_twice_counts_once():

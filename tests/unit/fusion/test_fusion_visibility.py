@@ -1,12 +1,13 @@
-"""The horizon sweep against rays four to a pixel."""
+"""The horizon sweep against nine rays in every pixel, each met exactly with the surface."""
 
 import math
 
 import numpy as np
 import pytest
+from benchmarks.ray_casting import cells_hit
 
 from pipeline.fusion.visibility import visible_cells
-from pipeline.fusion.visibility_kernels import between, slopes
+from pipeline.fusion.visibility_kernels import look_up, slopes
 from pipeline.geo.camera import Camera
 from pipeline.geo.frame import LocalFrame
 from pipeline.geo.pose import enu_from_camera
@@ -14,7 +15,9 @@ from pipeline.geo.terrain import Terrain
 from pipeline.messages import CameraPose
 
 SMALL = Camera(96, 54, 84.0, 84.0, 48.0, 27.0)
+LARGER = Camera(192, 108, 168.0, 168.0, 96.0, 54.0)
 BENT = Camera(96, 54, 84.0, 84.0, 47.0, 28.0, np.array([-0.2, 0.05, 0.002, -0.001, 0.0]))
+LARGER_BENT = Camera(192, 108, 168.0, 168.0, 94.0, 56.0, BENT.distortion)
 NO_BOXES = np.zeros((0, 4))
 
 
@@ -51,39 +54,44 @@ def _seen(terrain, camera, pose, max_distance_m=80.0, boxes=NO_BOXES):
     return seen
 
 
-def _brute(terrain, camera, pose, rays_per_pixel=2.0):
-    u = (np.arange(camera.width * rays_per_pixel) + 0.5) / rays_per_pixel
-    v = (np.arange(camera.height * rays_per_pixel) + 0.5) / rays_per_pixel
-    pixels = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
-    seen = np.zeros(terrain.shape, dtype=bool)
-    for ray in camera.rays_enu(pixels, pose):
-        hit = terrain.intersect(pose.position_enu, ray, 80.0)
-        if hit is not None:
-            row, column = terrain.cells(hit[None])[0]
-            if row >= 0:
-                seen[row, column] = True
-    return seen
+CASES = {
+    "ahead": (1, LARGER, _pose(-5.0, -12.0, 10.0, 20.0, -45.0)),
+    "rolled": (2, LARGER, _pose(3.0, 12.0, 10.0, 200.0, -45.0, 10.0)),
+    "straight down": (3, LARGER, _pose(2.0, 1.0, 12.0, 70.0, -90.0)),
+    "pole near the edge": (4, LARGER, _pose(4.0, -2.0, 12.0, 300.0, -78.0)),
+    "from outside": (5, LARGER, _pose(-32.0, 2.0, 10.0, 90.0, -45.0)),
+    "bent lens": (6, LARGER_BENT, _pose(0.0, -12.0, 10.0, 355.0, -45.0, -5.0)),
+}
 
 
-@pytest.mark.parametrize(
-    ("seed", "camera", "pose"),
-    [
-        (1, SMALL, _pose(-5.0, -12.0, 10.0, 20.0, -45.0)),
-        (2, SMALL, _pose(3.0, 12.0, 10.0, 200.0, -45.0, 10.0)),
-        (3, SMALL, _pose(2.0, 1.0, 12.0, 70.0, -90.0)),
-        (4, SMALL, _pose(4.0, -2.0, 12.0, 300.0, -78.0)),
-        (5, SMALL, _pose(-32.0, 2.0, 10.0, 90.0, -45.0)),
-        (6, BENT, _pose(0.0, -12.0, 10.0, 355.0, -45.0, -5.0)),
-    ],
-    ids=["ahead", "rolled", "straight down", "pole near the edge", "from outside", "bent lens"],
-)
-def test_the_sweep_sees_what_rays_see(seed, camera, pose):
+def _precision_and_recall(seed, camera, pose):
     terrain = _bumpy(seed)
-    ours, rays = _seen(terrain, camera, pose), _brute(terrain, camera, pose)
-    both = (ours & rays).sum()
-    assert rays.sum() > 200
-    assert both / ours.sum() >= 0.98
-    assert both / rays.sum() >= 0.97
+    ours, rays = _seen(terrain, camera, pose), cells_hit(terrain, camera, pose, 3, 80.0)
+    assert rays.sum() > 400
+    return (ours & rays).sum() / ours.sum(), (ours & rays).sum() / rays.sum()
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_every_pose_sees_what_rays_see(case):
+    precision, recall = _precision_and_recall(*CASES[case])
+    assert precision >= 0.98
+    assert recall >= 0.96
+
+
+def test_all_poses_together_see_what_rays_see():
+    precision, recall = np.mean([_precision_and_recall(*case) for case in CASES.values()], axis=0)
+    assert precision >= 0.99
+    assert recall >= 0.985
+
+
+def test_the_rays_of_the_reference_end_where_the_terrain_says():
+    terrain, pose = _bumpy(1), _pose(-5.0, -12.0, 10.0, 20.0, -45.0)
+    pixels = np.stack(np.meshgrid(np.arange(96) + 0.5, np.arange(54) + 0.5), axis=-1).reshape(-1, 2)
+    hits = [terrain.intersect(pose.position_enu, ray, 80.0) for ray in SMALL.rays_enu(pixels, pose)]
+    rows, columns = terrain.cells(np.array([hit for hit in hits if hit is not None])).T
+    marched, exact = np.zeros(terrain.shape, dtype=bool), cells_hit(terrain, SMALL, pose, 1, 80.0)
+    marched[rows, columns] = True
+    assert (marched & exact).sum() >= 0.99 * max(marched.sum(), exact.sum())
 
 
 def test_on_a_plane_the_footprint_is_that_of_the_pictures_corners():
@@ -162,7 +170,12 @@ def test_slopes_of_a_level_camera_are_those_of_its_picture():
 
 
 def test_the_sweeps_surface_is_the_terrains_on_lines_of_centres():
-    terrain = _bumpy(7)
-    for east in np.random.default_rng(0).uniform(-30.0, 30.0, 100):
-        ours = between(terrain.heights_m[33], (east + 30.0) / 0.5)
-        assert ours == pytest.approx(terrain.height(east, -30.0 + 33.5 * 0.5), abs=1e-4)
+    terrain, slope, cell = _bumpy(7), np.empty(32), np.empty(32, dtype=np.int32)
+    for x in np.random.default_rng(0).uniform(-0.5, 119.5, 20):
+        look_up(terrain.heights_m, 50.0, (33, 1, 32, 4.0, x, 0.4, 1.0), 3, 25, (0, 120, 0, 1), slope, cell)
+        for k in range(3, 25):
+            ours = 50.0 + slope[k - 3] * (4.0 + k)
+            east_m, north_m = -30.0 + (x + 0.4 * k + 0.5) * 0.5, -30.0 + (33 + k + 0.5) * 0.5
+            if east_m < 30.0:
+                assert tuple(divmod(int(cell[k - 3]), 120)) == terrain.cell(east_m, north_m)
+                assert ours == pytest.approx(terrain.height(east_m, north_m), abs=1e-4)

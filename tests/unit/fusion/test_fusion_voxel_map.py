@@ -70,3 +70,19 @@ def test_a_cell_outside_or_of_unknown_height_is_no_voxel(cell):
 def test_clamping_limits_that_do_not_hold_one_half_are_refused(limits):
     with pytest.raises(InputError, match="clamp_min"):
         _map(*limits)
+
+
+def test_a_layer_can_not_be_written_to():
+    with pytest.raises(ValueError, match="read-only"):
+        _map().log_odds[0, 0] = 1.0
+
+
+def test_the_probable_voxels_are_those_above_the_threshold_that_were_observed():
+    heights = np.zeros((300, 600), dtype=np.float32)
+    voxel_map = VoxelMap(Terrain(LocalFrame(47.0, 8.0), 0.0, 0.0, 1.0, heights), 0.1192, 0.971)
+    cells = [(299, 3), (10, 599), (10, 2), (270, 300), (5, 5)]
+    _update(voxel_map, cells, [0.9, 0.8, 0.9, 0.9, 0.3])
+    rows, columns, p = voxel_map.probable(0.7)
+    assert list(zip(rows, columns, strict=True)) == [(10, 2), (10, 599), (270, 300), (299, 3)]
+    np.testing.assert_allclose(p, [0.9, 0.8, 0.9, 0.9], atol=1e-6)
+    assert all(len(part) == 0 for part in voxel_map.probable(0.95))

@@ -149,3 +149,50 @@ def test_a_surface_model_that_cannot_be_used_is_refused(tmp_path):
     )
     with pytest.raises(InputError, match="no height"):
         load_terrain(tmp_path / "empty.tif", 0.5)
+
+
+def test_a_terrain_on_disk_is_the_one_in_memory_and_leaves_no_file(tmp_path):
+    _plane_file(tmp_path / "dsm.tif", side=700, nodata=-9999.0)
+    in_memory = load_terrain(tmp_path / "dsm.tif", 0.5)
+    on_disk = load_terrain(tmp_path / "dsm.tif", 0.5, folder=tmp_path)
+    assert on_disk.shape == in_memory.shape
+    assert (on_disk.east_m, on_disk.north_m) == (in_memory.east_m, in_memory.north_m)
+    np.testing.assert_allclose(on_disk.heights_m, in_memory.heights_m, atol=0.02)
+    window = (100, 50, 300, 90)
+    np.testing.assert_allclose(on_disk.height_range(window), in_memory.height_range(window), atol=0.02)
+    assert on_disk.height(10.0, 20.0) == pytest.approx(in_memory.height(10.0, 20.0), abs=0.02)
+    assert [p.name for p in tmp_path.iterdir()] == ["dsm.tif"]
+
+
+def test_a_terrain_on_disk_without_heights_is_refused(tmp_path):
+    _write(
+        tmp_path / "empty.tif", np.full((4, 4), -1.0), from_origin(5e5, 5.2e6, 1.0, 1.0), "EPSG:32632", -1.0
+    )
+    with pytest.raises(InputError, match="no height"):
+        load_terrain(tmp_path / "empty.tif", 0.5, folder=tmp_path)
+
+
+def test_the_height_range_bounds_the_heights_of_a_window():
+    rng = np.random.default_rng(0)
+    heights = rng.normal(size=(150, 200)).astype(np.float32)
+    heights[:70, :70] = np.nan
+    terrain = Terrain(FRAME, 0.0, 0.0, 1.0, heights)
+    for row, column, rows, columns in rng.integers(1, 75, (20, 4)):
+        low, high = terrain.height_range((row, column, rows, columns))
+        part = heights[row : row + rows, column : column + columns]
+        if np.isfinite(part).any():
+            assert low <= np.nanmin(part) <= np.nanmax(part) <= high
+    assert terrain.height_range((0, 0, 64, 64)) == (np.inf, -np.inf)
+    assert terrain.height_range((0, 0, 0, 64)) == (np.inf, -np.inf)
+    assert terrain.height_range((64, 128, 10, 10)) == (
+        heights[64:128, 128:192].min(),
+        heights[64:128, 128:192].max(),
+    )
+
+
+def test_the_cell_of_a_position_is_that_of_the_points():
+    terrain = _slope()
+    points = np.random.default_rng(0).uniform(-15.0, 40.0, (200, 2))
+    for point, cell in zip(points, terrain.cells(points), strict=True):
+        assert terrain.cell(*point) == tuple(cell)
+    assert terrain.cell(float("nan"), 6.0) == (-1, -1)

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from pipeline.allocation.plan import Assignment, Plan
+from pipeline.fusion.error_ellipse import ellipse_of
 from pipeline.fusion.salient import SalientLocation
 from pipeline.fusion.voxel_map import VoxelMap
 from pipeline.geo.frame import LocalFrame
@@ -73,6 +74,7 @@ def location(number: int, east_m: float, north_m: float, probability: float = 0.
         latitude_deg=float(latitude),
         longitude_deg=float(longitude),
         height_m=121.0,
+        error=ellipse_of(np.array([[0.09, 0.03], [0.03, 0.04]])),
         spread_m=0.31,
         cells=9,
         looks=14 + number,

@@ -6,10 +6,16 @@ import pytest
 from matplotlib.image import imread
 from synthetic_search import Size, map_of
 
+from pipeline.fusion.voxel_map import VoxelMap
 from pipeline.outputs.map_picture import _block_max, _round_length_m, map_picture, observed_area_m2, png
 from pipeline.outputs.report import ReportData
 
 Search = Callable[..., ReportData]
+
+
+def forget(voxel_map: VoxelMap, columns: slice) -> None:
+    cells = np.indices(voxel_map.terrain.shape)[:, :, columns].reshape(2, -1)
+    voxel_map.tiles.cells["observations"][voxel_map.tiles.flat(*cells)] = 0
 
 
 def test_the_picture_is_a_png_and_the_same_every_time(search: Search) -> None:
@@ -24,7 +30,7 @@ def test_the_picture_is_a_png_and_the_same_every_time(search: Search) -> None:
 
 def test_the_picture_shows_only_what_was_looked_at_or_flown_over(search: Search) -> None:
     data = search(size=Size(rows=60, columns=200))
-    data.voxel_map.observations[:, 60:] = 0
+    forget(data.voxel_map, slice(60, None))
     axes = map_picture(data.voxel_map, {}, ()).axes[0]
     west = data.voxel_map.terrain.east_m
     assert axes.get_xlim() == pytest.approx((west, west + 60 * 0.5 + 8.0))
@@ -39,6 +45,7 @@ def test_places_tracks_and_truth_are_in_the_legend(search: Search) -> None:
         "track of drone-2 (dot: start)",
         "true place",
         "found place, with its number",
+        "its error ellipse, 95 %",
     ]
     numbers = {text.get_text() for text in figure.axes[0].texts}
     assert {"1", "2", "3", "N"} <= numbers
@@ -46,7 +53,7 @@ def test_places_tracks_and_truth_are_in_the_legend(search: Search) -> None:
 
 def test_an_empty_map_has_a_picture() -> None:
     voxel_map = map_of(Size(8, 8), np.zeros((0, 2)))
-    voxel_map.observations[:] = 0
+    forget(voxel_map, slice(None))
     assert png(map_picture(voxel_map, {}, ())).startswith(b"\x89PNG")
 
 

@@ -2,11 +2,16 @@ import base64
 import dataclasses
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from synthetic_search import location, standing
 
+from pipeline.fusion.second_flight import SecondFlight, Waypoint
+from pipeline.fusion.second_look import SecondLookArea
+from pipeline.outputs.map_picture import second_look_picture
 from pipeline.outputs.report import ReportData, render_report, verdict, write_report
 from pipeline.outputs.truth import match_truth
 
@@ -97,3 +102,18 @@ def test_the_verdict_counts_found_people_and_false_places(places: int, people: i
 def test_the_verdict_without_truth_claims_no_more_than_it_knows() -> None:
     assert verdict([location(1, 0, 0, 0.934)], None).startswith("1 place where a person is likely; ")
     assert "may still hide" in verdict([], None)
+
+
+def test_the_second_look_is_a_section_of_its_own(search: Search) -> None:
+    ring = np.array([[0.0, 0.0], [5.0, 0.0], [5.0, 5.0], [0.0, 0.0]])
+    area = SecondLookArea(1, {"low probability of detection": 12.5}, 12.5, 0.01, (ring,), ring)
+    stop = Waypoint(np.array([2.0, 2.0, 135.0]), 4.0, 1)
+    flight = SecondFlight((stop,), np.array([0.0, 0.0, 121.0]), 300.0, 120.0, (1,))
+    data = search()
+    picture = second_look_picture(data.voxel_map, [area], flight)
+    html = render_report(replace(data, second_look=[area], second_flight=flight, second_picture=picture))
+    for text in ("Worth a second look", "low probability of detection (12)", "300 m long", "2.0 minutes"):
+        assert text in html, text
+    nothing = SecondFlight((), np.zeros(3), 0.0, 0.0, ())
+    html = render_report(replace(data, second_flight=nothing, second_picture=picture))
+    assert "was seen well" in html

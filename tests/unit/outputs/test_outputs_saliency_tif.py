@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 import rasterio
 from pyproj import CRS
+from synthetic_search import SIZE, START_NS, Size, map_of
 
 from pipeline.outputs.report import ReportData
 from pipeline.outputs.saliency_tif import write_saliency
@@ -18,8 +19,9 @@ def test_what_is_read_back_equals_the_map(search: Search, tmp_path: Path) -> Non
     known = np.isfinite(voxel_map.terrain.heights_m)
     with rasterio.open(tmp_path / "saliency.tif") as source:
         bands = source.read()[:, ::-1]
-        assert source.descriptions == ("probability", "log_odds", "observations")
-        assert source.units == ("1", "nat", "count")
+        assert source.descriptions[:3] == ("probability", "log_odds", "observations")
+        assert source.descriptions[3:] == ("looks", "resolution", "pod", "unseen_for")
+        assert source.units == ("1", "nat", "count", "count", "pixels per person", "1", "s")
         assert set(source.dtypes) == {"float32"}
         assert np.isnan(source.nodata)
         assert CRS.from_user_input(source.crs) == voxel_map.terrain.frame.crs
@@ -50,3 +52,34 @@ def test_the_same_map_gives_the_same_bytes(search: Search, tmp_path: Path) -> No
     write_saliency(tmp_path / "b.tif", search().voxel_map)
     assert (tmp_path / "a.tif").read_bytes() == (tmp_path / "b.tif").read_bytes()
     assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_the_layers_of_how_well_it_was_observed_are_read_back(tmp_path: Path) -> None:
+    voxel_map = map_of(SIZE, np.zeros((0, 2)))
+    cells = voxel_map.tiles.cells
+    known = voxel_map.tiles.flat(np.array([5, 6]), np.array([7, 8]))
+    cells["looks"][known], cells["resolution_px"][known], cells["pod_look"][known] = (2, 1), (40.0, 9.5), 0.25
+    cells["pod_before"][known[0]] = 0.5
+    cells["last_seen_ns"][known] = START_NS, START_NS + 2_500_000_000
+    write_saliency(tmp_path / "saliency.tif", voxel_map)
+    with rasterio.open(tmp_path / "saliency.tif") as source:
+        bands = source.read()[3:, ::-1]
+    np.testing.assert_allclose(bands[:, 5, 7], [2.0, 40.0, 1.0 - 0.5 * 0.75, 2.5])
+    np.testing.assert_allclose(bands[:, 6, 8], [1.0, 9.5, 0.25, 0.0])
+    np.testing.assert_array_equal(bands[:, 10, 10], [0.0, 0.0, 0.0, np.nan])
+
+
+def test_of_a_very_large_map_only_what_was_looked_at_is_written(
+    search: Search, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    voxel_map = map_of(Size(300, 600), np.zeros((0, 2)))
+    write_saliency(tmp_path / "whole.tif", voxel_map)
+    voxel_map.tiles.clear()
+    voxel_map.update(np.array([270]), np.array([300]), np.array([1.0]))
+    monkeypatch.setattr("pipeline.outputs.saliency_tif.MOST_CELLS", 1000)
+    write_saliency(tmp_path / "part.tif", voxel_map)
+    with rasterio.open(tmp_path / "whole.tif") as whole, rasterio.open(tmp_path / "part.tif") as part:
+        assert whole.shape == (300, 600)
+        assert part.shape == (300 - 256, 256)
+        east, north = voxel_map.terrain.centers(np.array([270]), np.array([300]))[0, :2]
+        assert next(part.sample([(east, north)]))[1] == 1.0

@@ -135,3 +135,18 @@ def test_one_frame_is_a_flight():
     assert dji_srt(flight, LocalFrame(58.0, 15.0), START, 100.0).startswith(
         "1\n00:00:00,000 --> 00:00:01,000\n"
     )
+
+
+def test_a_hovering_drone_stays_where_it_is_and_looks_where_it_should():
+    hover = {"east": {"meters": 3}, "north": {"meters": -15}, "heading": {"degrees": 90}}
+    (flight,) = flights(drones=1, hover=hover, longest={"seconds": 4})
+    assert len(flight.times_s) == 120
+    assert np.ptp(flight.positions_enu, axis=0).max() == 0.0
+    np.testing.assert_allclose(flight.positions_enu[0], [3.0, -15.0, 115.0])
+    np.testing.assert_allclose(np.degrees(flight.angles_rad[0]), [90.0, -45.0, 0.0])
+
+
+def test_only_one_drone_hovers():
+    hover = {"east": {"meters": 0}, "north": {"meters": 0}, "heading": {"degrees": 0}}
+    with pytest.raises(ValueError, match="mismatch"):
+        plan(drones=2, hover=hover)

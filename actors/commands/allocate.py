@@ -1,0 +1,116 @@
+"""``searchlight allocate``: plan without a mission, and plan again."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from actors.terminal import say
+from pipeline.errors import InputError, NoPlanError, NoPlanInTimeError
+
+if TYPE_CHECKING:
+    from pipeline.allocation.plan import Plan
+    from pipeline.allocation.problem import Problem
+
+
+class Model(StrEnum):
+    """literal: the paper's integer program. decomposed: the same optimum, a thousand times faster."""
+
+    LITERAL = "literal"
+    DECOMPOSED = "decomposed"
+
+
+def allocate(
+    problem: Annotated[Path, typer.Argument(help="The problem file (YAML).")],
+    model: Annotated[Model, typer.Option(help="Which integer program.")] = Model.DECOMPOSED,
+    time_limit: Annotated[
+        float | None, typer.Option(min=0.001, help="Seconds; without it, the problem file's time_limit.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the plan as JSON.")] = False,
+    out: Annotated[Path | None, typer.Option(help="Folder for plan.json and schedule.png.")] = None,
+    running: Annotated[
+        Path | None, typer.Option(help="The plan.json that runs now: move as few substreams as possible.")
+    ] = None,
+    loss: Annotated[
+        float, typer.Option(min=0.0, max=1.0, help="With --running: share of accuracy to give up for that.")
+    ] = 0.01,
+) -> None:
+    """Decide which detector looks at which frame of which stream, where, and at which bitrate."""
+    from pipeline.allocation.problem_file import read_problem
+    from pipeline.config.problem import load_problem
+
+    stated = read_problem(problem)
+    limit_s = load_problem(problem).processing.time_limit if time_limit is None else time_limit
+    if running is not None and model is Model.LITERAL:
+        raise InputError("--model", "literal with --running", "decomposed: only it plans again")
+    plan = _solve(stated, model, limit_s) if running is None else _replan(stated, running, loss, limit_s)
+    if plan.status == "infeasible":
+        from pipeline.allocation.explain import explain
+
+        raise NoPlanError(f"{problem}: no allocation satisfies it: {explain(stated).text}")
+    if plan.status == "unknown":
+        raise NoPlanInTimeError(f"{problem}: found no plan within {limit_s:g} s; expected more --time-limit")
+    if out is not None:
+        _write(stated, plan, out)
+    _print(stated, plan, as_json)
+
+
+def _solve(problem: Problem, model: Model, limit_s: float) -> Plan:
+    from pipeline.allocation import decomposed, literal
+
+    solve = literal.solve if model is Model.LITERAL else decomposed.solve
+    return solve(problem, time_limit_s=limit_s)
+
+
+def _replan(problem: Problem, running: Path, loss: float, limit_s: float) -> Plan:
+    from pipeline.allocation.plan import plan_from_json
+    from pipeline.allocation.replan import replan
+
+    try:
+        text = running.read_text(encoding="utf-8")
+    except (OSError, ValueError):
+        raise InputError(running, "no readable file", "a plan.json of an earlier plan") from None
+    found = replan(problem, plan_from_json(text, running).assignments, loss=loss, time_limit_s=limit_s)
+    if found.plan.assignments:
+        proof = "as few as can be" if found.fewest else "perhaps not the fewest"
+        say(
+            f"{found.kept} substreams go on, {found.ended} end, {found.begun} begin ({proof}); "
+            f"the best plan's objective is {found.best_objective:.6g}"
+        )
+    return found.plan
+
+
+def _write(problem: Problem, plan: Plan, out: Path) -> None:
+    from pipeline.allocation.gantt import gantt_png
+    from pipeline.allocation.plan import plan_to_json
+    from pipeline.outputs.safe_write import write_bytes, write_text
+
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(out, f"no place to write ({error.strerror})", "a folder that can be made") from None
+    write_bytes(out / "schedule.png", gantt_png(problem, plan))
+    write_text(out / "plan.json", plan_to_json(plan, problem))
+    say(f"wrote {out / 'plan.json'} and {out / 'schedule.png'}")
+
+
+def _print(problem: Problem, plan: Plan, as_json: bool) -> None:
+    from pipeline.allocation.plan import PLAN_COLUMNS, plan_table, plan_to_json
+
+    if as_json:
+        typer.echo(plan_to_json(plan, problem), nl=False)
+        return
+    table = Table(
+        title=f"{plan.status}: objective {plan.objective:.6g}, bound {plan.bound:.6g}, gap {plan.gap:.2g}, "
+        f"{plan.solve_s:.3f} s"
+    )
+    for column in PLAN_COLUMNS:
+        table.add_column(column, no_wrap=True)
+    for row in plan_table(plan):
+        table.add_row(*row)
+    Console().print(table)

@@ -1,0 +1,136 @@
+"""``searchlight evaluate``, ``searchlight score`` and ``searchlight convert-annotations``."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
+from actors.commands.tables import print_table
+from pipeline.errors import InputError, SearchlightError
+
+console = Console(stderr=True)
+
+
+class InterruptedRunError(SearchlightError):
+    """The user pressed Ctrl-C; what was finished is kept."""
+
+    exit_code = 130
+
+
+class AnnotationFormat(StrEnum):
+    """Data sets that can be converted to COCO JSON."""
+
+    MOT = "mot"
+    VISDRONE = "visdrone"
+
+
+def evaluate(
+    evaluation: Annotated[Path, typer.Argument(help="The evaluation file (YAML).")],
+    out: Annotated[
+        Path, typer.Option(help="Folder; new, empty, or of an earlier evaluation, which goes on.")
+    ],
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Processes; by default one for each core.")
+    ] = None,
+    address: Annotated[
+        str | None,
+        typer.Option(help="A running Ray cluster to share the work with; the files must be there too."),
+    ] = None,
+) -> None:
+    """Measure detectors under codecs, bitrates and setups; write a pool and a report."""
+    from pipeline.evaluation.grid import in_processes
+    from pipeline.evaluation.run import evaluate as run
+
+    execute = in_processes(workers or os.cpu_count() or 1)
+    if address is not None:
+        from actors.evaluation_cluster import on_cluster
+
+        execute = on_cluster(address)
+    try:
+        with _progress() as progress:
+            finished = run(evaluation, out, execute=execute, progress=progress, say=_say)
+    except KeyboardInterrupt:
+        raise InterruptedRunError(
+            f"interrupted; the same command goes on with what is in {out / 'cache'}"
+        ) from None
+    _say(f"see {finished.report}")
+    _say("no pool: it needs timing and transcoding" if finished.pool is None else f"pool: {finished.pool}")
+
+
+def score(
+    truth: Annotated[Path, typer.Argument(help="Truth, COCO JSON.")],
+    results: Annotated[Path, typer.Argument(help="Detections, COCO's list of results (JSON).")],
+) -> None:
+    """AP, AR and LRP of detections that are there already."""
+    from pipeline.evaluation.score import score_files
+
+    classes, sizes = score_files(truth, results)
+    print_table(classes)
+    typer.echo()
+    print_table(sizes)
+
+
+def convert_annotations(
+    kind: Annotated[AnnotationFormat, typer.Argument(help="What the folder holds.")],
+    folder: Annotated[Path, typer.Argument(help="The data set's folder.")],
+    out: Annotated[Path, typer.Option(help="The COCO JSON file to write.")],
+) -> None:
+    """MOT or VisDrone annotations to COCO JSON; file names are relative to the folder."""
+    from pipeline.config.evaluation import FaultPolicy
+    from pipeline.evaluation.converters import converted
+    from pipeline.evaluation.faults import FaultLog
+    from pipeline.outputs.safe_write import write_text
+
+    document = converted(kind.value, folder, FaultLog(FaultPolicy()))
+    try:
+        write_text(out, json.dumps(document))
+    except OSError as error:
+        raise InputError(
+            out, f"no place to write ({error.strerror})", "a file in a folder that exists"
+        ) from None
+    _say(f"wrote {out}: {len(document['images'])} pictures, {len(document['annotations'])} boxes")
+
+
+def _say(line: str) -> None:
+    console.print(line, soft_wrap=True, highlight=False, markup=False)
+
+
+@contextmanager
+def _progress() -> Iterator[Callable[[str, int, int, str], None]]:
+    """Bars in shares of the work: a cell of H.265 takes many times as long as one of H.264."""
+    bars = Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TaskProgressColumn(),
+        TimeRemainingColumn(),
+        TextColumn("{task.fields[note]}"),
+        console=console,
+    )
+    tasks: dict[str, TaskID] = {}
+    before: dict[str, int] = {}
+
+    def update(name: str, done: int, total: int, note: str) -> None:
+        # what was finished earlier must not make the rest look fast
+        before.setdefault(name, done if done < total else 0)
+        if name not in tasks:
+            tasks[name] = bars.add_task(name, total=total - before[name], note=note)
+        bars.update(tasks[name], completed=done - before[name], note=note)
+
+    with bars:
+        yield update
+
+
+def register(app: Any) -> None:
+    """Add the commands to the application."""
+    app.command()(evaluate)
+    app.command()(score)
+    app.command()(convert_annotations)

@@ -1,0 +1,63 @@
+"""``searchlight pool``: look at pools, merge them, compare them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from actors.commands.tables import print_table
+from pipeline.errors import InputError
+
+app = typer.Typer(no_args_is_help=True, help="Look at pools of detectors, merge them, compare them.")
+
+
+@app.command()
+def show(pool: Annotated[Path, typer.Argument(help="The pool file (YAML).")]) -> None:
+    """Each detector with its accuracy and its costs."""
+    from pipeline.config.pool import load_pool
+    from pipeline.evaluation.pool_tools import shown
+
+    loaded = load_pool(pool)
+    print_table(shown(loaded))
+    typer.echo()
+    for name, value in loaded.provenance.items():
+        typer.echo(f"{name}: {value}")
+
+
+@app.command()
+def merge(
+    pools: Annotated[list[Path], typer.Argument(help="Pool files, two or more.")],
+    out: Annotated[Path, typer.Option(help="The pool file to write; must not exist.")],
+) -> None:
+    """One pool of several: other detectors, or the same ones on other machines."""
+    from pipeline.evaluation.pool_tools import merge as merge_pools
+
+    if len(pools) < 2:
+        raise InputError("pools", "one file", "two or more")
+    if out.exists():
+        raise InputError(out, "a file that is there already", "a new name")
+    if not out.parent.is_dir():
+        raise InputError(out.parent, "no folder", "a folder that exists")
+    merge_pools(pools, out)
+
+
+@app.command()
+def diff(
+    old: Annotated[Path, typer.Argument(help="A pool file.")],
+    new: Annotated[Path, typer.Argument(help="Another one.")],
+) -> None:
+    """What is different; exit code 1 if anything is."""
+    from pipeline.config.pool import load_pool
+    from pipeline.evaluation.pool_tools import differences
+
+    rows = list(differences(load_pool(old), load_pool(new)))
+    if rows:
+        print_table([("detector", "field", "old", "new"), *rows], left=2)
+        raise typer.Exit(1)
+
+
+def register(application: Any) -> None:
+    """Add the sub-commands to the application."""
+    application.add_typer(app, name="pool")

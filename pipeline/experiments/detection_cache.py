@@ -1,0 +1,84 @@
+"""Detections of a mission, kept in a file: they depend on videos, models and plan, not on how they are fused.
+
+The poses in them are those of the telemetry at hand, so that one video serves for many telemetries.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import msgpack
+
+from pipeline.allocation.plan import Plan
+from pipeline.errors import ProtocolError
+from pipeline.local import process
+from pipeline.messages import Detections, Message, pack, unpack
+from pipeline.outputs.safe_write import write_bytes
+from pipeline.preflight import PreparedMission, plan
+from pipeline.telemetry.track import pose_at
+
+#: name of what is under way, steps done, steps in all
+Progress = Callable[[str, int, int], None]
+
+
+def detections_of(prepared: PreparedMission, cache: Path, progress: Progress) -> list[Detections]:
+    """All results of the mission's plan in the order in which they are applied to the map.
+
+    cache: a file that is read if it was made from the same videos, models and plan, else made.
+    """
+    chosen = plan(prepared)
+    key = _key(prepared, chosen)
+    results = _read(cache, key)
+    if results is None:
+        results = _detect(prepared, chosen, progress)
+        write_bytes(cache, bytes(msgpack.packb([key, [pack(result) for result in results]])))
+    return sorted(_with_poses(prepared, results), key=lambda result: result.order)
+
+
+def _detect(prepared: PreparedMission, chosen: Plan, progress: Progress) -> list[Detections]:
+    results: list[Detections] = []
+
+    def keep(message: Message) -> None:
+        if isinstance(message, Detections):
+            results.append(message)
+
+    process(prepared, chosen, keep, progress)
+    return results
+
+
+def _with_poses(prepared: PreparedMission, results: list[Detections]) -> list[Detections]:
+    streams = {s.stream: s for s in prepared.streams}
+    placed = []
+    for result in results:
+        s = streams[result.stream]
+        time_s = result.index / s.video.frame_rate
+        pose = pose_at(s.track, time_s, s.telemetry, s.frame, s.terrain_datum)
+        placed.append(replace(result, pose=pose))
+    return placed
+
+
+def _key(prepared: PreparedMission, chosen: Plan) -> str:
+    """Of all that the boxes depend on."""
+    links = sorted(prepared.problem.link_bps.items())
+    digest = hashlib.sha256(repr((chosen.assignments, links, prepared.mission.processing)).encode())
+    for s in prepared.streams:
+        digest.update(s.path.read_bytes())
+    for detector in sorted({a.pool_detector for a in chosen.assignments}):
+        model, threshold = prepared.model(detector)
+        digest.update(model.read_bytes() + repr(threshold).encode())
+    return digest.hexdigest()
+
+
+def _read(cache: Path, key: str) -> list[Detections] | None:
+    """What the file holds, or None if there is none of this key: a spoiled one is made again."""
+    try:
+        found, packed = msgpack.unpackb(cache.read_bytes())
+        messages = [unpack(data) for data in packed] if found == key else None
+    except (OSError, ValueError, TypeError, ProtocolError, msgpack.UnpackException):
+        return None
+    if messages is None:
+        return None
+    return [message for message in messages if isinstance(message, Detections)]

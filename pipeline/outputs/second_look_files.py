@@ -1,0 +1,125 @@
+"""The areas worth a second look and the flight over them, as GeoJSON and as a plan for QGroundControl."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pipeline.config.mission import SecondLook
+from pipeline.fusion.second_flight import SecondFlight
+from pipeline.fusion.second_look import SecondLookArea
+from pipeline.geo.frame import LocalFrame
+from pipeline.messages import FloatArray
+from pipeline.outputs.safe_write import write_text
+
+# MAV_CMD, MAV_FRAME, MAV_AUTOPILOT and MAV_TYPE of MAVLink's common message set
+_WAYPOINT, _RETURN, _TAKEOFF, _CHANGE_SPEED, _MOUNT_CONTROL = 16, 20, 22, 178, 205
+_FRAME_MISSION, _FRAME_RELATIVE = 2, 3
+_PX4, _QUADROTOR = 12, 2
+#: QGroundControl's altitude mode: above the home position, so that no vertical datum is needed
+_RELATIVE_TO_HOME = 1
+
+
+def write_second_look(path: Path, areas: Sequence[SecondLookArea], frame: LocalFrame) -> None:
+    """Write a Polygon per area, the most worth first (RFC 7946)."""
+    _write(path, {"type": "FeatureCollection", "features": [_area(area, frame) for area in areas]})
+
+
+def write_second_flight(path: Path, flight: SecondFlight, frame: LocalFrame) -> None:
+    """Write a LineString with heights above the terrain's datum; no feature without areas."""
+    points = np.array([flight.home_enu, *(w.position_enu for w in flight.waypoints), flight.home_enu])
+    line = {
+        "type": "Feature",
+        "geometry": {"type": "LineString", "coordinates": _degrees(points, frame)},
+        "properties": {
+            "length_m": round(flight.length_m, 1),
+            "duration_s": round(flight.duration_s, 1),
+            "areas": list(flight.order),
+        },
+    }
+    _write(path, {"type": "FeatureCollection", "features": [line] if flight.waypoints else []})
+
+
+def write_qgc_plan(path: Path, flight: SecondFlight, frame: LocalFrame, params: SecondLook) -> None:
+    """Write a QGroundControl plan (format version 1): take-off, speed, camera down, way points, return."""
+    _write(path, qgc_plan(flight, frame, params))
+
+
+def qgc_plan(flight: SecondFlight, frame: LocalFrame, params: SecondLook) -> dict[str, Any]:
+    """The plan as plain values.
+
+    Altitudes are metres above home. plannedHomePosition has the height above the terrain's datum, which
+    QGroundControl takes for that above sea level and only shows.
+    """
+    ((longitude, latitude, height),) = _degrees(flight.home_enu[None], frame)
+    highest = max((w.position_enu[2] for w in flight.waypoints), default=flight.home_enu[2] + params.height)
+    climb_m = float(highest - flight.home_enu[2])
+    commands: list[tuple[int, int, list[float | None]]] = [
+        (_TAKEOFF, _FRAME_RELATIVE, [0, 0, 0, None, latitude, longitude, round(climb_m, 2)]),
+        (_CHANGE_SPEED, _FRAME_MISSION, [1, params.speed, -1, 0, 0, 0, 0]),
+        (_MOUNT_CONTROL, _FRAME_MISSION, [-90, 0, 0, 0, 0, 0, 2]),
+    ]
+    for waypoint in flight.waypoints:
+        ((east, north, up),) = _degrees(waypoint.position_enu[None], frame)
+        above = round(up - height, 2)
+        commands.append((_WAYPOINT, _FRAME_RELATIVE, [waypoint.hover_s, 0, 0, None, north, east, above]))
+    commands.append((_RETURN, _FRAME_MISSION, [0, 0, 0, 0, 0, 0, 0]))
+    return {
+        "fileType": "Plan",
+        "version": 1,
+        "groundStation": "Searchlight",
+        "mission": {
+            "version": 2,
+            "firmwareType": _PX4,
+            "vehicleType": _QUADROTOR,
+            "cruiseSpeed": params.speed,
+            "hoverSpeed": params.speed,
+            "globalPlanAltitudeMode": _RELATIVE_TO_HOME,
+            "plannedHomePosition": [latitude, longitude, height],
+            "items": [_item(k, *command) for k, command in enumerate(commands, start=1)],
+        },
+        "geoFence": {"circles": [], "polygons": [], "version": 2},
+        "rallyPoints": {"points": [], "version": 2},
+    }
+
+
+def _item(number: int, command: int, frame: int, params: list[float | None]) -> dict[str, Any]:
+    item: dict[str, Any] = {
+        "type": "SimpleItem",
+        "autoContinue": True,
+        "command": command,
+        "doJumpId": number,
+        "frame": frame,
+        "params": params,
+    }
+    if frame == _FRAME_RELATIVE:
+        item |= {"AMSLAltAboveTerrain": None, "Altitude": params[6], "AltitudeMode": _RELATIVE_TO_HOME}
+    return item
+
+
+def _area(area: SecondLookArea, frame: LocalFrame) -> dict[str, Any]:
+    return {
+        "type": "Feature",
+        "id": area.id,
+        "geometry": {"type": "Polygon", "coordinates": [_degrees(ring, frame) for ring in area.rings]},
+        "properties": {
+            "reasons": {name: round(m2, 2) for name, m2 in area.reasons.items()},
+            "area_m2": round(area.area_m2, 2),
+            "worth": round(area.worth, 6),
+        },
+    }
+
+
+def _degrees(points: FloatArray, frame: LocalFrame) -> list[list[float]]:
+    """Longitude, latitude and, if there, height of points (N, 2 or 3)."""
+    latitude, longitude = frame.wgs84_from_enu(points[:, 0], points[:, 1])
+    columns = [np.round(longitude, 8), np.round(latitude, 8), *(np.round(h, 2) for h in points[:, 2:].T)]
+    return np.stack(columns, axis=1).tolist()
+
+
+def _write(path: Path, document: dict[str, Any]) -> None:
+    write_text(path, json.dumps(document, indent=1, allow_nan=False) + "\n")

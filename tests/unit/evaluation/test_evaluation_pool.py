@@ -1,0 +1,139 @@
+"""From results to the pool that allocation reads, and pools side by side."""
+
+from __future__ import annotations
+
+import pytest
+import yaml
+from made_up import BITRATES, CODECS, results, timing
+
+from pipeline.config.pool import load_pool
+from pipeline.errors import InputError
+from pipeline.evaluation.pool_file import write_pool
+from pipeline.evaluation.pool_tools import differences, merge, shown
+
+
+@pytest.fixture
+def pool_file(tmp_path):
+    path = tmp_path / "pool.yaml"
+    write_pool(path, results())
+    return path
+
+
+def test_the_pool_holds_what_was_measured(pool_file):
+    tiny, large = load_pool(pool_file).detectors
+    assert [row.bitrate for row in large.accuracy] == list(BITRATES)
+    assert large.accuracy[0].accuracy == pytest.approx(0.1)
+    assert tiny.memory == 100e6
+    (time,) = large.times
+    assert (time.minimum, time.mean, time.p95, time.maximum) == pytest.approx((0.036, 0.04, 0.06, 0.08))
+    assert (time.provider, time.threads) == ("cpu", 1)
+    assert [(s.detectors, s.factor) for s in large.sharing] == [(2, 1.4), (3, 2.2)]
+    assert {(row.size, row.bitrate) for row in large.accuracy_by_size} == {
+        (size, b) for size in ("small", "medium") for b in BITRATES
+    }
+    assert len(large.accuracy_by_codec) == len(CODECS) * len(BITRATES)
+    row = large.accuracy_by_codec[0]
+    assert (row.codec, row.obtained, row.largest_packet) == (
+        "h264",
+        pytest.approx(52.5e3),
+        pytest.approx(0.4),
+    )
+    assert row.low < row.accuracy < row.high
+    assert large.accuracy_by_context[0].person_px_from == 32.0
+    assert large.sha256 == "1" * 64
+
+
+def test_the_pool_says_that_simulated_accuracy_is_simulated(pool_file, tmp_path):
+    assert "simulated-scene accuracy" in load_pool(pool_file).provenance["accuracy"]
+    write_pool(tmp_path / "real.yaml", results(simulated=False))
+    assert "simulated" not in load_pool(tmp_path / "real.yaml").provenance["accuracy"]
+
+
+def test_what_allocation_could_not_use_is_not_written(tmp_path):
+    for changes, message in (({"timings": ()}, "no setup"), ({"codec": "mpeg"}, "no accuracy under mpeg")):
+        with pytest.raises(InputError, match=message):
+            write_pool(tmp_path / "pool.yaml", results(**changes))
+        assert not list(tmp_path.iterdir())
+
+
+def test_a_pool_of_today_reads_as_before():
+    from pathlib import Path
+
+    for name in ("demo", "paper"):
+        pool = load_pool(Path(__file__).parents[3] / f"configs/pools/{name}.yaml")
+        assert all(d.accuracy_by_size == () and d.sharing == () for d in pool.detectors)
+
+
+@pytest.mark.parametrize(
+    ("field", "row", "message"),
+    [
+        ("sharing", {"detectors": 2, "factor": 0.9}, "greater than or equal to 1"),
+        ("sharing", {"detectors": 1, "factor": 1.5}, "greater than or equal to 2"),
+        ("accuracy_by_size", {"bitrate": {"kbps": 5}, "size": "huge", "accuracy": 0.5}, "huge"),
+        ("accuracy_by_codec", {"bitrate": {"kbps": 5}, "codec": "mpeg", "accuracy": 0.5}, "mpeg"),
+    ],
+)
+def test_rows_that_make_no_sense_are_refused_with_their_field(pool_file, field, row, message):
+    document = yaml.safe_load(pool_file.read_text())
+    document["detectors"][0][field] = [row]
+    pool_file.write_text(yaml.safe_dump(document))
+    with pytest.raises(InputError, match=message) as raised:
+        load_pool(pool_file)
+    assert f"detectors.0.{field}.0" in str(raised.value)
+
+
+def test_rows_come_once(pool_file):
+    document = yaml.safe_load(pool_file.read_text())
+    document["detectors"][0]["sharing"] *= 2
+    pool_file.write_text(yaml.safe_dump(document))
+    with pytest.raises(InputError, match="again"):
+        load_pool(pool_file)
+
+
+def test_merging_adds_detectors_and_machines(pool_file, tmp_path):
+    elsewhere = tmp_path / "far/pool.yaml"
+    elsewhere.parent.mkdir()
+    more = results().model_copy(
+        update={"timings": (timing("tiny", 0.02, "onboard"), timing("large", 0.2, "onboard"))}
+    )
+    write_pool(elsewhere, more)
+    other = tmp_path / "other.yaml"
+    write_pool(other, results(detectors=("third",)))
+    merge([pool_file, elsewhere, other], tmp_path / "merged.yaml")
+    merged = load_pool(tmp_path / "merged.yaml")
+    assert [(d.id, [t.machine for t in d.times]) for d in merged.detectors] == [
+        ("tiny", ["workstation", "onboard"]),
+        ("large", ["workstation", "onboard"]),
+        ("third", ["workstation"]),
+    ]
+    assert merged.detectors[0].model.resolve() == load_pool(pool_file).detectors[0].model.resolve()
+    assert len(merged.provenance["merged"]) == 3
+
+
+def test_pools_that_contradict_each_other_are_not_merged(pool_file, tmp_path):
+    other = tmp_path / "other.yaml"
+    write_pool(other, results(ap=lambda *_: 0.5))
+    with pytest.raises(InputError, match=r"other.yaml detectors.tiny.accuracy"):
+        merge([pool_file, other], tmp_path / "merged.yaml")
+    assert not (tmp_path / "merged.yaml").exists()
+
+
+def test_differences_are_named_and_there_are_none_between_equals(pool_file, tmp_path):
+    pool = load_pool(pool_file)
+    assert list(differences(pool, pool)) == []
+    other = tmp_path / "other.yaml"
+    write_pool(other, results(detectors=("tiny", "third")))
+    found = list(differences(pool, load_pool(other)))
+    assert ("large", "detector", "there", "–") in found
+    assert ("third", "detector", "–", "there") in found
+    slower = results().model_copy(update={"timings": (timing("tiny", 0.005), timing("large", 0.04))})
+    write_pool(other, slower)
+    assert ("tiny", "mean on workstation", "4 ms", "5 ms") in list(differences(pool, load_pool(other)))
+
+
+def test_a_pool_is_shown_detector_by_detector(pool_file):
+    head, tiny, large = shown(load_pool(pool_file))
+    assert head[0] == "detector"
+    assert (tiny[0], large[0]) == ("tiny", "large")
+    assert "workstation 40.0 (80.0) ms" in large
+    assert "x 1.40" in large
