@@ -198,6 +198,6 @@ class Fuser:
         camera, reach_m = self._cameras[detections.stream], self._reach_m[detections.stream]
         model, p_detector = self._models[detections.stream, name], self._p_detector[detections.detector]
         seen, distances_m = self._visibility.cells(
-            camera, detections.pose, reach_m, boxes_px, model.object_class.typical_height
+            camera, detections.pose, reach_m, boxes_px, model.typical_height_m
         )
         voxel_map.observe(seen, distances_m, *raised, model, p_detector, detections.time_ns)

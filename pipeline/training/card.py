@@ -38,7 +38,7 @@ def write_card(
     card = {
         "name": training.name,
         "trained": today,
-        "purpose": "People in drone video from 8 to 30 m above ground",
+        "purpose": "People in drone video from 6 to 30 m above ground",
         "accuracy": "measured on simulated scenes, not on real video",
         "cost": _cost(training, model) | {"milliseconds_one_thread": round(1e3 * timing.median_s, 1)},
         "held_out": _rules() | results,
