@@ -49,9 +49,9 @@ simulate: setup ## render the demo's mission again
 
 train: setup ## train the shipped detectors again (about an hour on two cores)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[train]'
-	$(BIN)/searchlight train configs/detectors/nano.train.yaml --out runs/train
-	$(BIN)/searchlight train configs/detectors/small.train.yaml --out runs/train
-	$(BIN)/searchlight measure-pool runs/train/nano.onnx runs/train/small.onnx --out runs/train/pool.yaml
+	for name in nano small medium large; do \
+		$(BIN)/searchlight train configs/detectors/$$name.train.yaml --out runs/train || exit; done
+	$(BIN)/searchlight measure-pool runs/train/small.onnx runs/train/medium.onnx --out runs/train/pool.yaml
 
 clean: ## remove .venv and runs
 	rm -rf $(VENV) runs

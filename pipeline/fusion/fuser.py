@@ -5,7 +5,9 @@ Readings taken where the paper is open:
 - The voxels that a frame's detections raise belong to its boxes, so the same frame does not lower them,
   although their centres may project just below the box.
 - A box cut by the picture's border has neither a known size nor a known significant point: it raises nothing,
-  and what lies behind it is still not lowered.
+  and what lies behind it is still not lowered. Nor does a frame lower a place where an object would be cut by
+  the border: what cannot speak for a place must not speak against it. (Else a person who was found in a
+  hundred frames is gone after ten that show the feet alone.)
 - What lies behind a box is not observed, whatever the box's class; a class without a layer raises nothing.
 """
 
@@ -194,6 +196,8 @@ class Fuser:
     ) -> None:
         """negativeUpdate of Algorithm grid_update. raised: rows and columns (2, N), and distances (N,)."""
         camera, reach_m = self._cameras[detections.stream], self._reach_m[detections.stream]
-        seen, distances_m = self._visibility.cells(camera, detections.pose, reach_m, boxes_px)
         model, p_detector = self._models[detections.stream, name], self._p_detector[detections.detector]
+        seen, distances_m = self._visibility.cells(
+            camera, detections.pose, reach_m, boxes_px, model.typical_height_m
+        )
         voxel_map.observe(seen, distances_m, *raised, model, p_detector, detections.time_ns)

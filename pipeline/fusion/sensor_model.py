@@ -75,6 +75,8 @@ class SensorModel:
         self.negative_max = params.negative_max
         #: pixels per person of PERSON_HEIGHT_M times the distance, metres
         self.resolution_px_m = bbox_size_px(PERSON_HEIGHT_M, 1.0, camera.fy, camera.height, camera.height)
+        #: of a typical object
+        self.typical_height_m = self.object_class.typical_height or (size.height_min + size.height_max) / 2.0
         #: the area component of a typical object, the same at every distance
         self.typical_area_component = self._typical_area_component()
 
@@ -110,8 +112,7 @@ class SensorModel:
     def _typical_area_component(self) -> float:
         size, typical = self._size, self.object_class
         width = typical.typical_width or (size.width_min + size.width_max) / 2.0
-        height = typical.typical_height or (size.height_min + size.height_max) / 2.0
-        return self._area_component(self._box_area_px2(width, height, 1.0), 1.0)
+        return self._area_component(self._box_area_px2(width, self.typical_height_m, 1.0), 1.0)
 
     def _box_area_px2(self, width_m: float, height_m: float, distance_m: float) -> float:
         c = self._camera

@@ -34,14 +34,18 @@ def visible_cells(
     pose: CameraPose,
     max_distance_m: float,
     excluded_boxes_px: FloatArray,
+    object_height_m: float = 0.0,
 ) -> tuple[CellArray, CellArray, FloatArray]:
     """Rows (N,), columns (N,) and distances (N,) in metres of the seen cells, each once, in a fixed order.
 
     A cell counts up to max_distance_m, measured to its centre. Cells whose centre projects into one of the
-    boxes (M, 4) x0, y0, x1, y1 are left out: they lie behind what was detected. The camera may stand outside
+    boxes (M, 4) x0, y0, x1, y1 are left out: they lie behind what was detected. So are those where an object
+    of object_height_m, standing or lying, would be cut by the picture's border. The camera may stand outside
     the terrain.
     """
-    cells, distances = Visibility(terrain).cells(camera, pose, max_distance_m, excluded_boxes_px)
+    cells, distances = Visibility(terrain).cells(
+        camera, pose, max_distance_m, excluded_boxes_px, object_height_m
+    )
     return cells[0], cells[1], distances
 
 
@@ -58,7 +62,12 @@ class Visibility:
         self._window, self._found = (0, 0, 0), 0
 
     def cells(
-        self, camera: Camera, pose: CameraPose, max_distance_m: float, excluded_boxes_px: FloatArray
+        self,
+        camera: Camera,
+        pose: CameraPose,
+        max_distance_m: float,
+        excluded_boxes_px: FloatArray,
+        object_height_m: float = 0.0,
     ) -> tuple[CellArray, FloatArray]:
         """Rows and columns (2, N) and distances (N,), see visible_cells; views, good until the next call."""
         terrain = self._terrain
@@ -72,7 +81,9 @@ class Visibility:
             terrain.cell_m,
             pose.enu_from_camera.T * (terrain.cell_m, terrain.cell_m, 1.0),
             _lens(camera),
+            (float(camera.width), float(camera.height)),
             np.ascontiguousarray(excluded_boxes_px, dtype=np.float64).reshape(-1, 4),
+            float(object_height_m),
             max_distance_m,
             self._window,
             self._seen[: self._found],

@@ -201,9 +201,24 @@ def slopes(outline, east, north):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, error_model="numpy")
 def select(  # type: ignore[no-untyped-def]
-    heights, position, cell_m, toward_camera, lens, boxes, max_distance, window, seen, cells, distances
+    heights,
+    position,
+    cell_m,
+    toward_camera,
+    lens,
+    picture,
+    boxes,
+    object_height,
+    max_distance,
+    window,
+    seen,
+    cells,
+    distances,
 ):
     """Of the seen cells (N,) those whose centre is within max_distance (metres) and in no box (M, 4).
+
+    object_height: metres; above 0, an object of this height at the cell must also be whole in the picture.
+    picture: width and height, pixels.
 
     toward_camera: (3, 3), columns: camera-frame metres per cell east, per cell north and per metre up. lens:
     (9,) fx, fy, cx, cy, k1, k2, p1, p2, k3. window: as in sweep. cells: int32 (2, >=N), distances: float64
@@ -218,12 +233,16 @@ def select(  # type: ignore[no-untyped-def]
         distance = math.sqrt((x * x + y * y) * cell_m * cell_m + up * up)
         if not distance <= max_distance:
             continue
-        if boxes.shape[0] > 0:
+        if boxes.shape[0] > 0 or object_height > 0.0:
             px = x * toward_camera[0, 0] + y * toward_camera[0, 1] + up * toward_camera[0, 2]
             py = x * toward_camera[1, 0] + y * toward_camera[1, 1] + up * toward_camera[1, 2]
             pz = x * toward_camera[2, 0] + y * toward_camera[2, 1] + up * toward_camera[2, 2]
-            if _in_a_box(px, py, pz, lens, boxes):
+            if boxes.shape[0] > 0 and _in_a_box(px, py, pz, lens, boxes):
                 continue
+            if object_height > 0.0:
+                rise = object_height * toward_camera[:, 2]
+                if not _whole(px, py, pz, rise, 0.5 * object_height, lens, picture):
+                    continue
         cells[0, kept], cells[1, kept] = r, c
         distances[kept] = distance
         kept += 1
@@ -239,6 +258,22 @@ def _in_a_box(x, y, z, lens, boxes):  # type: ignore[no-untyped-def]
         if boxes[i, 0] <= u <= boxes[i, 2] and boxes[i, 1] <= v <= boxes[i, 3]:
             return True
     return False
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _whole(x, y, z, rise, reach, lens, picture):  # type: ignore[no-untyped-def]
+    """Whether an object at a place, camera frame, is whole in the picture (width, height).
+
+    It may stand, up to rise (3,) from the place, or lie, up to reach around it; all in metres.
+    """
+    if z <= 1e-9 or z + rise[2] <= 1e-9:
+        return False
+    u, v = _pixel(x / z, y / z, lens)
+    du, dv = reach * lens[0] / z, reach * lens[1] / z
+    if u < du or u > picture[0] - du or v < dv or v > picture[1] - dv:
+        return False
+    u, v = _pixel((x + rise[0]) / (z + rise[2]), (y + rise[1]) / (z + rise[2]), lens)
+    return 0.0 <= u <= picture[0] and 0.0 <= v <= picture[1]
 
 
 @numba.njit(cache=True, error_model="numpy")

@@ -27,19 +27,23 @@ _CLEARANCE_M = 4.0
 class Views:
     """From where pictures are taken: ranges (low, high), and how many people there are at the place.
 
-    height_m: above the bare ground that is aimed at. pitch_deg: below the horizon negative. aimed: share of
-    pictures that aim at a person. crowds: numbers of people, drawn anew every shots_per_crowd pictures.
+    height_m: above the bare ground that is aimed at, its logarithm uniform. pitch_deg: below the horizon
+    negative. aimed: share of pictures that aim at a person. crowds: numbers of people, drawn anew every
+    shots_per_crowd pictures. beside: share of people close to things that may hide them.
     """
 
     height_m: tuple[float, float]
     pitch_deg: tuple[float, float]
     aimed: float
     crowds: tuple[int, ...]
+    beside: float
     shots_per_crowd: int = 8
 
 
-TRAINING_VIEWS = Views((8.0, 30.0), (-85.0, -30.0), aimed=0.85, crowds=(0, 14, 24, 24, 30))
-MISSION_VIEWS = Views((15.0, 15.0), (-45.0, -45.0), aimed=0.7, crowds=(9,))
+TRAINING_VIEWS = Views((5.5, 30.0), (-85.0, -30.0), aimed=0.85, crowds=(0, 20, 36, 36, 48), beside=0.3)
+MISSION_VIEWS = Views((15.0, 15.0), (-45.0, -45.0), aimed=0.7, crowds=(9,), beside=0.15)
+#: people of every size, to see what a detector makes of each
+SIZE_VIEWS = Views((5.0, 22.0), (-80.0, -30.0), aimed=0.9, crowds=(20,), beside=0.15)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,7 +71,9 @@ def pictures_of_scene(
     place = build_scene(seed, _EXTENT, split)
     for shot in range(count):
         if shot % views.shots_per_crowd == 0:
-            scene = place.with_people(random_people(rng, split, int(rng.choice(views.crowds)), place))
+            scene = place.with_people(
+                random_people(rng, split, int(rng.choice(views.crowds)), place, beside=views.beside)
+            )
             renderer = Renderer(scene, CAMERA)
         pose = random_pose(scene, views, rng)
         yield labelled(renderer.render(pose, time_s=float(rng.uniform(0.0, 30.0)), rng=rng))
@@ -84,7 +90,8 @@ def random_pose(scene: Scene, views: Views, rng: np.random.Generator) -> CameraP
         )
         pixel = np.array([[rng.uniform(0.08, 0.92) * CAMERA.width, rng.uniform(0.1, 0.9) * CAMERA.height]])
         ray = (CAMERA.rays(pixel) @ rotation.T)[0]
-        position = target - ray * (rng.uniform(*views.height_m) / -ray[2]) if ray[2] < -0.2 else target
+        height_m = np.exp(rng.uniform(*np.log(views.height_m)))
+        position = target - ray * (height_m / -ray[2]) if ray[2] < -0.2 else target
         if _is_clear(scene, position):
             break
     return CameraPose(position, rotation)

@@ -39,6 +39,12 @@ def linear(color: str) -> FloatArray:
     return np.asarray(srgb**2.2)
 
 
+def hex_color(linear_rgb: FloatArray) -> str:
+    """The nearest ``#rrggbb`` of a linear RGB (3,)."""
+    levels = np.round(255.0 * np.clip(linear_rgb, 0.0, 1.0) ** (1.0 / 2.2)).astype(int)
+    return "#" + "".join(f"{level:02x}" for level in levels)
+
+
 def painted(
     vertices: FloatArray, faces: NDArray[np.int32], normals: FloatArray, albedo: ArrayLike, grain: float = 0.3
 ) -> Mesh:

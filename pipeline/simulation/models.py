@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from pipeline.simulation.bodies import BodyModel, Clothes, Posture, walking
+from pipeline.simulation.mesh import hex_color
+from pipeline.simulation.palette import Palette
 
 _TRAIN_COLORS = [
     "#1f3b73",
@@ -67,6 +71,20 @@ def random_train_model(rng: np.random.Generator) -> BodyModel:
     return BodyModel(
         kind, random_posture(rng, kind), _random_clothes(rng), height, float(rng.uniform(0.85, 1.25))
     )
+
+
+def camouflaged(rng: np.random.Generator, model: BodyModel, palette: Palette) -> BodyModel:
+    """The same body in the colours of a place's soils and leaves."""
+    soils = np.vstack([palette.grass, palette.dirt, palette.gravel, palette.sand, palette.leaves])
+
+    def pick() -> str:
+        return hex_color(soils[rng.integers(len(soils))] * rng.uniform(0.6, 1.3))
+
+    wear = model.clothes
+    clothes = replace(
+        wear, jacket=pick(), trousers=pick(), hat=wear.hat and pick(), pack=wear.pack and pick()
+    )
+    return replace(model, clothes=clothes)
 
 
 def random_posture(rng: np.random.Generator, kind: str) -> Posture:  # noqa: PLR0911 - one return for each kind

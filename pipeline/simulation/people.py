@@ -9,12 +9,15 @@ import numpy as np
 from pipeline.messages import FloatArray
 from pipeline.simulation.bodies import BodyModel, body_mesh, footprint_radius, walking
 from pipeline.simulation.mesh import Mesh, rotation_z
-from pipeline.simulation.models import MISSION_MODELS, random_train_model
+from pipeline.simulation.models import MISSION_MODELS, camouflaged, random_train_model
 from pipeline.simulation.scene import Scene, clear_of
+from pipeline.simulation.spots import anywhere, beside_things
 
 _STEP_M = 0.72
 #: the share of a lying body that presses into the grass
 _SUNKEN = 0.1
+#: the share of training's people who wear the colours of the place
+_CAMOUFLAGED = 0.3
 
 
 @dataclass(frozen=True)
@@ -58,28 +61,35 @@ def reference_point(person: Person, scene: Scene, time_s: float) -> FloatArray:
 
 
 def random_people(
-    rng: np.random.Generator, split: str, count: int, scene: Scene, apart_m: float = 3.0
+    rng: np.random.Generator,
+    split: str,
+    count: int,
+    scene: Scene,
+    apart_m: float = 3.0,
+    beside: float = 0.0,
 ) -> tuple[Person, ...]:
-    """So many people at free places of the area (fewer if there is no room), of the split's body models."""
+    """So many people at free places of the area (fewer if there is no room), of the split's body models.
+
+    beside: the share who are close to things that may hide them.
+    """
     people: list[Person] = []
     for number in range(count):
-        model = _model(rng, split, number)
+        model = _model(rng, split, number, scene)
         radius = footprint_radius(body_mesh(model))
+        draw = beside_things(rng, scene, radius) if beside and rng.random() < beside else anywhere(rng, scene)
         for _ in range(60):
-            east = rng.uniform(-0.48, 0.48) * scene.extent.width_m
-            north = rng.uniform(-0.48, 0.48) * scene.extent.depth_m
+            east, north = draw()
             apart = all(np.hypot(p.east_m - east, p.north_m - north) > apart_m for p in people)
             if apart and clear_of(scene.obstacles, east, north, radius):
-                people.append(
-                    Person(len(people), model, float(east), float(north), float(rng.uniform(0, 2 * np.pi)))
-                )
+                people.append(Person(len(people), model, east, north, float(rng.uniform(0, 2 * np.pi))))
                 break
     return tuple(people)
 
 
-def _model(rng: np.random.Generator, split: str, number: int) -> BodyModel:
+def _model(rng: np.random.Generator, split: str, number: int, scene: Scene) -> BodyModel:
     if split == "train":
-        return random_train_model(rng)
+        model = random_train_model(rng)
+        return camouflaged(rng, model, scene.palette) if rng.random() < _CAMOUFLAGED else model
     return MISSION_MODELS[number % len(MISSION_MODELS)]
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from pipeline.config.scenario import FlightPlan
@@ -14,10 +12,9 @@ from pipeline.simulation.bodies import BodyModel, body_mesh, footprint_radius
 from pipeline.simulation.models import MISSION_MODELS
 from pipeline.simulation.people import Person, placed
 from pipeline.simulation.scene import Scene, clear_of
+from pipeline.simulation.spots import BORDER_M, anywhere, beside_things
 
 _TRIES = 400
-#: an edge that nobody stands in
-_BORDER_M = 2.0
 _OPEN_SHARE = 0.95
 #: how far from one half the mean visible share of a half hidden person may be
 _HALF = 0.25
@@ -70,7 +67,7 @@ def _best(
 ) -> Person | None:
     """The first open place, or the one of many that hides the person most nearly by half."""
     radius = footprint_radius(body_mesh(model))
-    draw = _beside_things(rng, scene, radius) if hidden else _anywhere(rng, scene)
+    draw = beside_things(rng, scene, radius) if hidden else anywhere(rng, scene)
     best, best_error = None, np.inf
     for _ in range(_TRIES):
         east, north = draw()
@@ -87,38 +84,9 @@ def _best(
     return best
 
 
-def _anywhere(rng: np.random.Generator, scene: Scene) -> Callable[[], tuple[float, float]]:
-    half = np.array([scene.extent.width_m, scene.extent.depth_m]) / 2.0 - _BORDER_M
-
-    def draw() -> tuple[float, float]:
-        east, north = rng.uniform(-half, half)
-        return float(east), float(north)
-
-    return draw
-
-
-def _beside_things(
-    rng: np.random.Generator, scene: Scene, radius_m: float
-) -> Callable[[], tuple[float, float]]:
-    half = np.array([scene.extent.width_m, scene.extent.depth_m]) / 2.0 - _BORDER_M
-    large = [o for o in scene.obstacles if max(o.crown_m, o.radius_m) > 0.6]
-    near = [o for o in large if abs(o.east_m) < half[0] and abs(o.north_m) < half[1]]
-
-    def draw() -> tuple[float, float]:
-        if not near:
-            return float("inf"), float("inf")
-        thing = near[rng.integers(len(near))]
-        reach = thing.radius_m + radius_m
-        distance = rng.uniform(reach, max(reach + 0.4, thing.crown_m + 0.5))
-        angle = rng.uniform(0.0, 2.0 * np.pi)
-        return float(thing.east_m + distance * np.cos(angle)), float(thing.north_m + distance * np.sin(angle))
-
-    return draw
-
-
 def _fits(person: Person, others: list[Person], radius_m: float, apart_m: float, scene: Scene) -> bool:
     ways = _way(person)
-    half_x, half_y = scene.extent.width_m / 2.0 - _BORDER_M, scene.extent.depth_m / 2.0 - _BORDER_M
+    half_x, half_y = scene.extent.width_m / 2.0 - BORDER_M, scene.extent.depth_m / 2.0 - BORDER_M
     inside = bool(np.all(np.abs(ways[:, 0]) <= half_x) and np.all(np.abs(ways[:, 1]) <= half_y))
     return inside and all(
         clear_of(scene.obstacles, e, n, radius_m)

@@ -81,7 +81,7 @@ def build_scene(
     rng = np.random.default_rng([seed, _SPLITS[split]])
     palette, light = random_palette(rng), random_light(rng)
     ground = build_ground(rng, extent, base_m, palette, light)
-    standing, obstacles = _furnish(rng, ground, extent, palette)
+    standing, obstacles = _furnish(rng, ground, extent, palette, cluttered=split == "train")
     mesh = merged([ground.mesh, standing])
     caster = Caster(mesh.vertices, mesh.faces)
     return Scene(
@@ -100,8 +100,9 @@ def build_scene(
 
 
 def _furnish(
-    rng: np.random.Generator, ground: Ground, extent: Extent, palette: Palette
+    rng: np.random.Generator, ground: Ground, extent: Extent, palette: Palette, cluttered: bool
 ) -> tuple[Mesh, tuple[Obstacle, ...]]:
+    """Everything on the ground. cluttered: with many more things that a detector could take for a person."""
     area = (extent.width_m + 90.0) * (extent.depth_m + 90.0)
     meshes: list[Mesh] = []
     obstacles: list[Obstacle] = []
@@ -125,8 +126,24 @@ def _furnish(
     scatter(int(area / 1500.0), lambda: things.stump(rng, palette), 30.0)
     scatter(int(area / 1500.0), lambda: things.log(rng, palette), 30.0)
     scatter(int(rng.integers(6, 16)), lambda: things.gear(rng), 15.0)
+    if cluttered:
+        near = (extent.width_m + 30.0) * (extent.depth_m + 30.0)
+        scatter(int(near * rng.uniform(0.004, 0.016)), lambda: _clutter(rng, palette), 15.0)
     meshes.append(_tufts(rng, ground, extent, palette))
     return merged(meshes), tuple(obstacles)
+
+
+def _clutter(rng: np.random.Generator, palette: Palette) -> Mesh:
+    kinds: tuple[Callable[[], Mesh], ...] = (
+        lambda: things.log(rng, palette),
+        lambda: things.stump(rng, palette),
+        lambda: things.boulder(rng, palette, rng.uniform(0.2, 0.8)),
+        lambda: things.branch(rng),
+        lambda: things.heap(rng, palette),
+        lambda: things.shrub(rng, palette),
+        lambda: things.gear(rng),
+    )
+    return kinds[rng.integers(len(kinds))]()
 
 
 def _tufts(rng: np.random.Generator, ground: Ground, extent: Extent, palette: Palette) -> Mesh:

@@ -108,6 +108,36 @@ def log(rng: np.random.Generator, palette: Palette) -> Mesh:
     return merged([body, branch, end]).moved(turn, (0, 0, 0))
 
 
+def branch(rng: np.random.Generator) -> Mesh:
+    """A broken branch on the ground: a crooked stem and side shoots, about as large as a lying person."""
+    bark = linear(str(rng.choice(_BARK))) * rng.uniform(0.7, 1.5)
+    length, radius = rng.uniform(0.8, 2.2), rng.uniform(0.04, 0.11)
+    bend = np.array([0.0, rng.uniform(-0.25, 0.25) * length, radius + rng.uniform(0.0, 0.1)])
+    ends = np.array([[-length / 2, 0.0, radius], [length / 2, 0.0, radius]])
+    parts = [limb(end, bend, 0.8 * radius, radius, bark, grain=1.0) for end in ends]
+    for _ in range(rng.integers(1, 5)):
+        root = bend + rng.uniform(0.1, 0.8) * (ends[rng.integers(2)] - bend)
+        reach, turn = rng.uniform(0.3, 0.9), rng.uniform(0.0, 2.0 * np.pi)
+        tip = root + reach * np.array([np.cos(turn), np.sin(turn), rng.uniform(0.0, 0.4)])
+        parts.append(limb(root, tip, 0.6 * radius, 0.3 * radius, bark, grain=1.0))
+    return merged(parts)
+
+
+def heap(rng: np.random.Generator, palette: Palette) -> Mesh:
+    """Lumps of earth, stones, leaves or cloth side by side, as large as a lying or sitting person."""
+    soils = np.vstack([palette.dirt, palette.gravel, palette.sand, palette.leaves])
+    parts, x = [], 0.0
+    for _ in range(rng.integers(2, 6)):
+        color = soils[rng.integers(len(soils))] if rng.random() < 0.8 else linear(str(rng.choice(_PAINT)))
+        radii = rng.uniform((0.12, 0.1, 0.08), (0.4, 0.25, 0.28))
+        center = (x, rng.normal(0.0, 0.1), 0.6 * radii[2])
+        parts.append(
+            ellipsoid(center, radii, color * rng.uniform(0.5, 1.1), rotation_z(rng.uniform(0, 3)), grain=1.0)
+        )
+        x += radii[0] * rng.uniform(0.7, 1.5)
+    return merged(parts).moved(np.eye(3), (-x / 2, 0.0, 0.0))
+
+
 def gear(rng: np.random.Generator) -> Mesh:
     """Something man-made and painted: a box, a barrel, a tarpaulin, a post or a sack."""
     color = linear(str(rng.choice(_PAINT))) * rng.uniform(0.6, 1.0)

@@ -16,6 +16,10 @@ from pipeline.messages import FloatArray
 
 #: people less visible are neither right nor wrong
 VISIBLE_MIN = 0.3
+_SIZES = ("small", "medium", "large")
+_AREA_EDGES = (32.0**2, 96.0**2)
+#: in the order in which COCO's evaluation lists them
+_STATISTICS = ("ap", "ap50", "ap75", "ap_small", "ap_medium", "ap_large")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,6 +38,8 @@ class Accuracy:
     """ap: COCO's AP .5:.95. score: the threshold with the greatest F1 at IoU 0.5.
 
     recall, precision, bottom_edge_px (mean error of the found boxes' bottom edges): at that score.
+    ap_small, ap_medium, ap_large: AP .5:.95 of people whose box is up to 32^2, 96^2, or more pixels of the
+    picture large; NaN if there are none.
     """
 
     pictures: int
@@ -41,6 +47,9 @@ class Accuracy:
     ap50: float
     ap75: float
     ap: float
+    ap_small: float
+    ap_medium: float
+    ap_large: float
     score: float
     recall: float
     precision: float
@@ -63,16 +72,13 @@ def look(
 
 def accuracy(seen: list[Seen]) -> Accuracy:
     """The accuracy over all pictures."""
-    ap, ap50, ap75 = _average_precision(seen)
     people = sum(int((s.visible >= VISIBLE_MIN).sum()) for s in seen)
     scores, right, edges = _judged(seen)
     score, recall, precision = _operating_point(scores, right, people)
     return Accuracy(
         pictures=len(seen),
         people=people,
-        ap50=ap50,
-        ap75=ap75,
-        ap=ap,
+        **_average_precision(seen),
         score=score,
         recall=recall,
         precision=precision,
@@ -120,20 +126,28 @@ def _operating_point(scores: FloatArray, right: NDArray[np.bool_], people: int) 
     return float(scores[order[best]]), float(hits[best] / people), float(hits[best] / (best + 1))
 
 
-def _average_precision(seen: list[Seen]) -> tuple[float, float, float]:
-    """AP .5:.95, AP .5 and AP .75."""
+def people_by_size(seen: list[Seen]) -> dict[str, int]:
+    """How many people that count are of each of COCO's sizes."""
+    boxes = np.concatenate([s.true[s.visible >= VISIBLE_MIN] for s in seen])
+    area = (boxes[:, 2:] - boxes[:, :2]).prod(axis=1)
+    counts = np.histogram(area, [0.0, *_AREA_EDGES, np.inf])[0]
+    return dict(zip(_SIZES, map(int, counts), strict=True))
+
+
+def _average_precision(seen: list[Seen]) -> dict[str, float]:
+    """AP .5:.95 of all and by size, AP .5 and AP .75; what COCO reports as -1 is NaN."""
     found = [
         {"image_id": i, "category_id": 1, "bbox": _xywh(box), "score": float(score)}
         for i, s in enumerate(seen)
         for box, score in zip(s.found, s.scores, strict=True)
     ]
     if not found:
-        return 0.0, 0.0, 0.0
+        return dict.fromkeys(_STATISTICS, 0.0)
     truth = COCO(_coco(seen))
     evaluation = COCOeval_faster(truth, truth.loadRes(found), "bbox", print_function=lambda *_: None)
     evaluation.run()
-    ap, ap50, ap75 = (float(x) for x in evaluation.stats[:3])
-    return ap, ap50, ap75
+    values = (float(x) if x >= 0.0 else float("nan") for x in evaluation.stats)
+    return dict(zip(_STATISTICS, values, strict=False))
 
 
 def _coco(seen: list[Seen]) -> dict[str, Any]:

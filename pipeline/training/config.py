@@ -10,6 +10,8 @@ from pipeline.config.base import Strict, load
 from pipeline.training.augmentation import AugmentationParams
 from pipeline.training.network import NetworkParams
 
+_NAME = r"^[A-Za-z0-9_.-]+$"
+
 
 class Input(Strict):
     """What the network sees: a whole picture at this size, pixels."""
@@ -18,15 +20,23 @@ class Input(Strict):
     height: int = Field(ge=64, multiple_of=16)
 
 
-class Data(Strict):
-    """Simulated pictures. Scenes train_seed, train_seed + 1, .. are learned from, held_out_seed, .. not."""
+class Scenes(Strict):
+    """So many pictures, spread evenly over the scenes seed, seed + 1, .."""
 
-    train_seed: int
-    train_scenes: int = Field(ge=1)
-    train_pictures: int = Field(ge=1)
-    held_out_seed: int
-    held_out_scenes: int = Field(ge=1)
-    held_out_pictures: int = Field(ge=1)
+    seed: int
+    scenes: int = Field(ge=1)
+    pictures: int = Field(ge=1)
+
+
+class Data(Strict):
+    """Simulated pictures: train is learned from, the others are not.
+
+    mission: as a mission sees people. sizes: from nearer and further, people of every size.
+    """
+
+    train: Scenes
+    mission: Scenes
+    sizes: Scenes
 
 
 class Optimisation(Strict):
@@ -34,7 +44,8 @@ class Optimisation(Strict):
 
     cycles: the steps are split into so many cosines, each from half the rate of the one before (SGDR,
     arXiv:1608.03983); the network is at its best at the end of each.
-    save_every: steps between checkpoints.
+    save_every: steps between checkpoints. half_precision: the features are computed in bfloat16, which takes
+    half the time on a processor that has it (AVX512-BF16, AMX).
     """
 
     seed: int
@@ -47,12 +58,14 @@ class Optimisation(Strict):
     ema_decay: float = Field(ge=0.0, lt=1.0)
     save_every: int = Field(ge=1)
     threads: int = Field(ge=1)
+    half_precision: bool
 
 
 class Training(Strict):
-    """One training."""
+    """One training. start: another training, finished in the same folder, whose weights it begins with."""
 
-    name: str = Field(pattern=r"^[A-Za-z0-9_.-]+$")
+    name: str = Field(pattern=_NAME)
+    start: str | None = Field(default=None, pattern=_NAME)
     input: Input
     network: NetworkParams
     data: Data

@@ -30,7 +30,8 @@ _KEYFRAME_INTERVAL = 20
 _BITRATES_BPS = (250e3, 500e3, 1e6, 2.5e6, 5e6)
 _LOWEST_SCORE = 0.02
 _TIMED = 200
-_ONBOARD_FACTOR = 4.0
+#: so slow a computer on board that not everything fits on it
+_ONBOARD_FACTOR = 6.0
 _MEMORY_MARGIN = 1.25
 
 

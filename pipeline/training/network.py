@@ -48,9 +48,18 @@ class PersonNetwork(nn.Module):
 
     def forward(self, picture: Tensor) -> tuple[Tensor, Tensor]:
         """See the class."""
+        return self.readings(self.features(picture))
+
+    def features(self, picture: Tensor) -> Tensor:
+        """(B, head, H/8, W/8): nearly all of the work, good enough in half precision."""
         fine = self.fine(self.stem(picture))
         wide = functional.interpolate(self.back(self.wide(fine)), scale_factor=2.0, mode="nearest")
-        out = self.out(self.head(fine + wide))
+        features: Tensor = self.head(fine + wide)
+        return features
+
+    def readings(self, features: Tensor) -> tuple[Tensor, Tensor]:
+        """Logits and distances of features."""
+        out = self.out(features)
         return out[:, 0], out[:, 1:].clamp(max=_LARGEST_LOG_DISTANCE).exp()
 
 
@@ -58,9 +67,10 @@ class _Residual(nn.Module):
     def __init__(self, channels: int) -> None:
         super().__init__()
         self.first = _convolution(channels, channels, 1)
-        self.second = nn.Sequential(
-            nn.Conv2d(channels, channels, 3, padding=1, bias=False), nn.BatchNorm2d(channels)
-        )
+        norm = nn.BatchNorm2d(channels)
+        # begins as the identity (arXiv:1706.02677, section 5.1), also when added to a trained network
+        nn.init.zeros_(norm.weight)
+        self.second = nn.Sequential(nn.Conv2d(channels, channels, 3, padding=1, bias=False), norm)
 
     def forward(self, x: Tensor) -> Tensor:
         return functional.relu(x + self.second(self.first(x)))

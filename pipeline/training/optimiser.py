@@ -62,7 +62,9 @@ class Optimiser:
         for group in self._adam.param_groups:
             group["lr"] = learning_rate(self.step, self.training.optimisation)
         self._network.train()
-        logits, distances = self._network(images)
+        with torch.autocast("cpu", torch.bfloat16, enabled=self.training.optimisation.half_precision):
+            features = self._network.features(images)
+        logits, distances = self._network.readings(features.float())
         heat, box = heat_loss(logits, targets), box_loss(boxes_of(distances), targets)
         self._adam.zero_grad(set_to_none=True)
         (heat + box).backward()  # type: ignore[no-untyped-call]
@@ -96,6 +98,23 @@ class Optimiser:
         self._network.load_state_dict(state["network"])
         self.mean.load_state_dict(state["mean"])
         self._adam.load_state_dict(state["adam"])
+
+    def start_from(self, path: Path) -> None:
+        """Begin with the mean weights of another training's checkpoint, as far as the networks are alike.
+
+        Raises InputError if they are not alike at all.
+        """
+        if not path.is_file():
+            raise InputError(
+                path, "no checkpoint", f"the finished training {self.training.start!r} beside this one"
+            )
+        given = torch.load(path, weights_only=True)["mean"]
+        own = self._network.state_dict()
+        shared = {name: given[name] for name in own if name in given and given[name].shape == own[name].shape}
+        if not shared:
+            raise InputError(path, "another network", f"one with the channels of {self.training.name!r}")
+        for network in (self._network, self.mean):
+            network.load_state_dict(shared, strict=False)
 
     @torch.no_grad()
     def _average(self) -> None:

@@ -19,7 +19,8 @@ from pipeline.simulation.dataset import CAMERA, Views, pictures_of_scene
 from pipeline.training.degradation import degrade
 
 Image = NDArray[np.uint8]
-_BITRATES_BPS = (0.2e6, 6e6)
+#: the recording and the link both compress a mission's pictures: they are as worn as ours at 0.3 to 1 Mbps
+_BITRATES_BPS = (0.1e6, 2.5e6)
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import datetime
 from pathlib import Path
 
-from pipeline.simulation.dataset import MISSION_VIEWS, TRAINING_VIEWS
+from pipeline.simulation.dataset import MISSION_VIEWS, SIZE_VIEWS, TRAINING_VIEWS
 from pipeline.training.card import write_card
-from pipeline.training.config import Data, Training, load_training
+from pipeline.training.config import Data, Scenes, Training, load_training
 from pipeline.training.export import export_onnx
 from pipeline.training.optimiser import Optimiser, Progress
 from pipeline.training.pictures import PictureSet, is_complete, open_pictures, render_pictures, shots
@@ -24,32 +24,36 @@ def train(
     """
     training = load_training(config_path)
     out.mkdir(parents=True, exist_ok=True)
-    learned, held_out = prepare(training.data, data or out / "data", workers, progress)
+    pictures = prepare(training.data, data or out / "data", workers, progress)
     optimiser = Optimiser(training)
     checkpoint, model = out / f"{training.name}.pt", out / f"{training.name}.onnx"
     if checkpoint.is_file():
         optimiser.resume(checkpoint)
-    optimiser.run(learned, checkpoint, progress, lambda: _export(optimiser, training, model))
+    elif training.start:
+        optimiser.start_from(out / f"{training.start}.pt")
+    optimiser.run(pictures["train"], checkpoint, progress, lambda: _export(optimiser, training, model))
     _export(optimiser, training, model)
-    write_card(training, model, held_out, datetime.date.today())
+    write_card(training, model, pictures["mission"], pictures["sizes"], datetime.date.today())
     return model
 
 
-def prepare(data: Data, folder: Path, workers: int, progress: Progress) -> tuple[PictureSet, PictureSet]:
-    """The pictures to learn from and those held out, rendered if they are not there yet."""
+def prepare(data: Data, folder: Path, workers: int, progress: Progress) -> dict[str, PictureSet]:
+    """The pictures of each part of the data by name, rendered if they are not there yet."""
     plans = {
-        "train": shots(data.train_seed, data.train_scenes, data.train_pictures, "train", TRAINING_VIEWS),
-        "held_out": shots(
-            data.held_out_seed, data.held_out_scenes, data.held_out_pictures, "mission", MISSION_VIEWS
-        ),
+        "train": shots(*_of(data.train), "train", TRAINING_VIEWS),
+        "mission": shots(*_of(data.mission), "mission", MISSION_VIEWS),
+        "sizes": shots(*_of(data.sizes), "mission", SIZE_VIEWS),
     }
     for name, plan in plans.items():
         if not is_complete(folder / name):
             render_pictures(
                 folder / name, plan, workers, lambda done, total: progress("rendering", done, total, "")
             )
-    learned, held_out = (open_pictures(folder / name, plan) for name, plan in plans.items())
-    return learned, held_out
+    return {name: open_pictures(folder / name, plan) for name, plan in plans.items()}
+
+
+def _of(scenes: Scenes) -> tuple[int, int, int]:
+    return scenes.seed, scenes.scenes, scenes.pictures
 
 
 def _export(optimiser: Optimiser, training: Training, model: Path) -> None:

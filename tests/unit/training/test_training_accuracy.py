@@ -5,7 +5,7 @@ import pytest
 
 pytest.importorskip("faster_coco_eval", reason="the extra [train] is not installed")
 
-from pipeline.training.accuracy import Seen, accuracy
+from pipeline.training.accuracy import Seen, accuracy, people_by_size
 
 BOXES = np.array([[10.0, 10.0, 40.0, 90.0], [100.0, 50.0, 160.0, 90.0]])
 
@@ -44,6 +44,19 @@ def test_the_operating_point_leaves_out_what_costs_more_than_it_finds():
     wrong = [[200 + 10 * i, 100, 220 + 10 * i, 150] for i in range(5)]
     result = accuracy([seen([BOXES[0], *wrong, BOXES[1]], [0.9, 0.5, 0.5, 0.5, 0.5, 0.5, 0.2])])
     assert (result.score, result.recall, result.precision) == (0.9, 0.5, 1.0)
+
+
+def test_the_average_precision_of_each_size_looks_at_people_of_that_size():
+    small, large = np.array([0.0, 0.0, 20.0, 40.0]), np.array([50.0, 50.0, 170.0, 180.0])
+    true = np.stack([small, large])
+    result = accuracy([Seen((320, 200), true, np.ones(2), true[1:], np.array([0.9]))])
+    assert (result.ap_small, result.ap_large) == (0.0, 1.0)
+    assert np.isnan(result.ap_medium)
+
+
+def test_people_are_counted_by_the_area_of_their_boxes():
+    counted = people_by_size([seen([], []), seen([], [], visible=(1.0, 0.1))])
+    assert counted == {"small": 0, "medium": 3, "large": 0}
 
 
 def test_a_person_is_found_once():

@@ -15,6 +15,7 @@ from pipeline.training.optimiser import Optimiser, learning_rate  # noqa: E402
 from pipeline.training.pictures import PictureSet  # noqa: E402
 
 CONFIGS = Path(__file__).parents[3] / "configs" / "detectors"
+FAMILY = ("nano", "small", "medium", "large")
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +42,14 @@ def toy():
             ),
             "augmentation": training.augmentation.model_copy(update={"crop": 96}),
             "optimisation": training.optimisation.model_copy(
-                update={"steps": 40, "batch": 4, "warmup_steps": 5, "save_every": 20, "learning_rate": 0.01}
+                update={
+                    "steps": 40,
+                    "batch": 4,
+                    "warmup_steps": 5,
+                    "save_every": 20,
+                    "learning_rate": 0.01,
+                    "half_precision": False,
+                }
             ),
         }
     )
@@ -88,7 +96,30 @@ def test_a_checkpoint_of_another_training_is_refused(toy, tmp_path):
         other.resume(tmp_path / "toy.pt")
 
 
-@pytest.mark.parametrize("name", ["nano", "small"])
+def test_a_training_begins_with_what_another_one_learned(squares, toy, tmp_path):
+    taught = Optimiser(toy)
+    taught.run(squares, tmp_path / "toy.pt", silent, silent)
+    deeper = toy.network.model_copy(update={"blocks": (0, 2)})
+    pupil = Optimiser(toy.model_copy(update={"network": deeper}))
+    pupil.start_from(tmp_path / "toy.pt")
+    picture = torch.rand(1, 3, 96, 96)
+    for known, new in zip(taught.mean(picture), pupil.mean(picture), strict=True):
+        torch.testing.assert_close(new, known)
+
+
+def test_a_training_that_begins_with_a_missing_one_is_refused(toy, tmp_path):
+    with pytest.raises(InputError, match=r"medium\.pt.*no checkpoint.*'medium'"):
+        Optimiser(toy.model_copy(update={"start": "medium"})).start_from(tmp_path / "medium.pt")
+
+
+def test_half_precision_learns_as_well(squares, toy):
+    half = toy.optimisation.model_copy(update={"half_precision": True})
+    optimiser = Optimiser(toy.model_copy(update={"optimisation": half}))
+    losses = [sum(optimiser.take_step(squares)) for _ in range(40)]
+    assert np.mean(losses[-5:]) < 0.6 * np.mean(losses[:5])
+
+
+@pytest.mark.parametrize("name", FAMILY)
 def test_the_shipped_training_files_are_valid(name):
     training = load_training(CONFIGS / f"{name}.train.yaml")
     assert training.name == name

@@ -36,7 +36,7 @@ def test_the_pool_holds_what_was_measured(pool):
 
 def test_what_was_not_measured_is_said_to_be_assumed(pool):
     onboard = pool.detectors[0].times[1]
-    assert onboard.mean == pytest.approx(4 * 0.005)
+    assert onboard.mean == pytest.approx(6 * 0.005)
     assert any("onboard" in text for text in pool.assumed)
 
 
