@@ -13,11 +13,11 @@ import numpy as np
 
 from pipeline.allocation.aggregation import Aggregation
 from pipeline.allocation.column_generation import Columns
-from pipeline.allocation.configuration import Choice, configuration
+from pipeline.allocation.configuration import Choice
 from pipeline.allocation.enumeration_kernels import enumerate_pattern
 from pipeline.allocation.pricing import Prices
 from pipeline.allocation.problem import OBJECTIVE_RESOLUTION
-from pipeline.allocation.states import States
+from pipeline.allocation.states import IntArray, States
 
 
 def enumerate_class(
@@ -29,18 +29,14 @@ def enumerate_class(
     Of those that use the same kinds and go on with as many substreams only the most valuable is given.
     """
     items = _Items(aggregation, states, number, prices)
-    found: dict[tuple[tuple[int, ...], int], tuple[int, tuple[Choice, ...]]] = {}
+    found: list[tuple[Choice, ...]] = []
     for pattern in states.patterns:
-        choices = items.of_pattern(states, pattern, least, room)
-        if choices is None:
+        rows = items.of_pattern(states, pattern, least, room)
+        if rows is None:
             return None
-        room -= len(choices)
-        for chosen in choices:
-            column = configuration(aggregation, number, chosen)
-            key = (column.kinds, column.kept)
-            if key not in found or column.value > found[key][0]:
-                found[key] = column.value, column.choices
-    return [choices for _, choices in found.values()]
+        room -= len(rows)
+        found += items.best(rows)
+    return found
 
 
 def add_enumerated(
@@ -86,13 +82,17 @@ class _Items:
         self.choices = chosen
         kinds = np.array([k for k, _ in chosen], dtype=np.int64)
         levels = np.array([b for _, b in chosen], dtype=np.int64)
+        self._kinds = kinds
+        self._sites = np.array([aggregation.kinds[k].site for k in kinds], dtype=np.int64)
+        self._values, self._kept = stream_class.value[kinds, levels], stream_class.kept[kinds, levels]
+        self._penalty = aggregation.penalty
         self._arguments = (
             np.array(first, dtype=np.int64),
             kinds,
-            np.array([aggregation.kinds[k].site for k in kinds], dtype=np.int64),
+            self._sites,
             aggregation.load[kinds, levels],
             value[kinds, levels],
-            stream_class.kept[kinds, levels],
+            self._kept,
             float(prices.kept),
             np.array([kind.copies for kind in aggregation.kinds], dtype=np.int64),
             stream_class.capacity,
@@ -101,10 +101,24 @@ class _Items:
 
     def of_pattern(
         self, states: States, pattern: tuple[int, ...], least: float, room: int
-    ) -> list[tuple[Choice, ...]] | None:
+    ) -> IntArray | None:
+        """Numbers of items (N, detectors) of all choices worth the least; None for more than room."""
         slots = np.array([states.periods.index(period) for period in pattern], dtype=np.int64)
         found = np.empty((max(room, 1), len(slots)), dtype=np.int64)
         count = enumerate_pattern(slots, *self._arguments, least, found)
-        if count < 0:
-            return None
-        return [tuple(sorted(self.choices[i] for i in row)) for row in found[:count].tolist()]
+        return None if count < 0 else found[:count]
+
+    def best(self, rows: IntArray) -> list[tuple[Choice, ...]]:
+        """Of the rows with equal kinds and as many substreams that go on, the most valuable."""
+        kinds, sites = np.sort(self._kinds[rows], axis=1), np.sort(self._sites[rows], axis=1)
+        links = 1 + (np.diff(sites, axis=1) != 0).sum(axis=1)
+        value = self._values[rows].sum(axis=1) - self._penalty * links
+        kept = np.zeros(len(rows), dtype=np.int64)
+        for j in range(rows.shape[1]):
+            before = (rows[:, :j] == rows[:, j : j + 1]).sum(axis=1)
+            kept += before < self._kept[rows[:, j]]
+        order = np.lexsort((-value, kept, *kinds.T))
+        key = np.column_stack([kinds, kept])[order]
+        first = np.ones(len(rows), dtype=bool)
+        first[1:] = (key[1:] != key[:-1]).any(axis=1)
+        return [tuple(sorted(self.choices[i] for i in row)) for row in rows[order[first]].tolist()]
