@@ -86,6 +86,18 @@ def test_what_lies_behind_a_box_is_not_lowered(fuser):
     assert fuser.map.observations[_cell(fuser, 3.1, 15.9)] == 1
 
 
+def test_frames_that_show_the_feet_alone_do_not_erase_a_person(fuser, camera):
+    fuser.apply(_frame(PERSON))
+    person = _cell(fuser, 0.1, 14.9)
+    found = fuser.map.log_odds[person]
+    for pitch_deg in (-60.0, -62.0):
+        pose = CameraPose(POSE.position_enu, enu_from_camera(0.0, math.radians(pitch_deg), 0.0))
+        foot, head = camera.project_enu(np.array([[0.1, 14.9, 0.0], [0.1, 14.9, 1.7]]), pose)
+        assert foot[1] > 0.0 > head[1]
+        fuser.apply(_frame(pose=pose))
+    assert fuser.map.log_odds[person] == found
+
+
 def test_a_raised_voxel_is_not_lowered_by_the_same_frame(fuser):
     fuser.apply(_frame(PERSON))
     assert fuser.map.observations[_cell(fuser, 0.1, 14.9)] == 1

@@ -143,6 +143,21 @@ def test_exactly_the_cells_whose_centre_is_in_a_box_are_left_out(camera):
     np.testing.assert_array_equal(kept_columns, columns[~inside])
 
 
+@pytest.mark.parametrize("camera", [SMALL, BENT], ids=["pinhole", "bent lens"])
+def test_exactly_the_cells_where_an_object_would_be_whole_in_the_picture_are_kept(camera):
+    terrain, pose = _bumpy(2), _pose(3.0, 14.0, 12.0, 200.0, -40.0, 8.0)
+    rows, columns, _ = visible_cells(terrain, camera, pose, 80.0, NO_BOXES)
+    foot = terrain.centers(rows, columns)
+    depth = (foot - pose.position_enu) @ pose.enu_from_camera[:, 2]
+    size, reach = np.array([camera.width, camera.height]), 0.85 * camera.fx / depth[:, None]
+    low, high = camera.project_enu(foot, pose), camera.project_enu(foot + np.array([0.0, 0.0, 1.7]), pose)
+    whole = ((low >= reach) & (low <= size - reach) & (high >= 0.0) & (high <= size)).all(axis=1)
+    kept_rows, kept_columns, _ = visible_cells(terrain, camera, pose, 80.0, NO_BOXES, 1.7)
+    assert 0.3 < whole.mean() < 0.9
+    np.testing.assert_array_equal(kept_rows, rows[whole])
+    np.testing.assert_array_equal(kept_columns, columns[whole])
+
+
 def test_cells_of_unknown_height_are_never_seen():
     terrain = _plane()
     terrain.heights_m[60:70, 50:70] = np.nan
