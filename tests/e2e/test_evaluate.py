@@ -34,7 +34,7 @@ def evaluation(folder: Path, mission: Path, **changes: object) -> Path:
     document = {
         "name": "e2e",
         "datasets": [{"format": "mission", "path": str(mission)}],
-        "detectors": [{"id": "nano", "model": str(ROOT / "configs/detectors/nano.onnx")}],
+        "detectors": [{"id": "small", "model": str(ROOT / "configs/detectors/small.onnx")}],
         "transcoding": {"codecs": ["h264"], "bitrates": [{"kbps": 100}], "width": 512, "height": 288},
         "timing": {"setups": [{"machine": "workstation"}], "pictures": 10, "warm_up": 1},
         "bootstrap": {"replicates": 20, "block": {"seconds": 1}},
@@ -48,7 +48,7 @@ def test_from_an_evaluation_file_to_pool_tables_and_report(small_mission, tmp_pa
     file, out = evaluation(tmp_path, small_mission), tmp_path / "out"
     assert searchlight(monkeypatch, "evaluate", file, "--out", out, "--workers", 1) == 0
     (detector,) = load_pool(out / "pool.yaml").detectors
-    assert detector.model.resolve() == (ROOT / "configs/detectors/nano.onnx").resolve()
+    assert detector.model.resolve() == (ROOT / "configs/detectors/small.onnx").resolve()
     assert detector.accuracy[0].bitrate == 100e3
     assert 0.2 < detector.accuracy[0].accuracy <= 1.0
     rows = list(csv.DictReader((out / "cells.csv").open()))
@@ -66,7 +66,7 @@ def test_from_an_evaluation_file_to_pool_tables_and_report(small_mission, tmp_pa
     capsys.readouterr()
 
     assert searchlight(monkeypatch, "pool", "show", out / "pool.yaml") == 0
-    assert "nano" in capsys.readouterr().out
+    assert "small" in capsys.readouterr().out
     assert searchlight(monkeypatch, "pool", "diff", out / "pool.yaml", out / "pool.yaml") == 0
     assert searchlight(monkeypatch, "pool", "diff", out / "pool.yaml", ROOT / "configs/pools/demo.yaml") == 1
     assert "accuracy at 100 kbps" in capsys.readouterr().out
