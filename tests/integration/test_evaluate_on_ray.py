@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import shutil
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,6 +18,17 @@ from pipeline.evaluation.unit import Condition, Model, Unit, work
 NANO = Path(__file__).resolve().parents[2] / "configs/detectors/nano.onnx"
 
 pytestmark = [pytest.mark.ray, pytest.mark.timeout(240)]
+
+
+@pytest.fixture(autouse=True)
+def in_this_process_alone() -> Iterator[None]:
+    """Ray runs in the tests' own process here: its settings and its folder are not for the tests that follow."""
+    environment, folders = dict(os.environ), set(Path("/tmp").glob("searchlight-*"))
+    yield
+    os.environ.clear()
+    os.environ.update(environment)
+    for folder in set(Path("/tmp").glob("searchlight-*")) - folders:
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def test_units_on_ray_give_what_one_process_gives_and_their_errors_come_back(small_mission: Path) -> None:
