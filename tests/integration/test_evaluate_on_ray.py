@@ -22,7 +22,7 @@ pytestmark = [pytest.mark.ray, pytest.mark.timeout(240)]
 
 @pytest.fixture(autouse=True)
 def in_this_process_alone() -> Iterator[None]:
-    """Ray runs in the tests' own process here: its settings and its folder are not for the tests that follow."""
+    """Ray runs in the tests' own process here: what it leaves behind is not for the tests that follow."""
     environment, folders = dict(os.environ), set(Path("/tmp").glob("searchlight-*"))
     yield
     os.environ.clear()
