@@ -47,7 +47,7 @@ lint: setup ## ruff, mypy, import-linter
 simulate: setup ## render the demo's mission again
 	$(BIN)/searchlight simulate configs/scenarios/demo.yaml --out runs/mission-demo
 
-train: setup ## train the shipped detectors again (about an hour on two cores)
+train: setup ## train the shipped detectors again (about an hour and a half on two idle cores)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[train]'
 	for name in nano small medium large; do \
 		$(BIN)/searchlight train configs/detectors/$$name.train.yaml --out runs/train || exit; done

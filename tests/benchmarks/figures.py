@@ -10,7 +10,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 DEMO = ROOT / "configs/missions/demo/mission.yaml"
-OTHER_SEEDS = ("check-a", "check-b", "check-c")
+OTHER_SEEDS = ("check-a", "check-b", "check-c", "check-d")
 
 
 def searchlight(*arguments: object) -> None:
