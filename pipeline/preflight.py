@@ -14,7 +14,7 @@ from pipeline.allocation.explain import explain
 from pipeline.allocation.plan import Plan
 from pipeline.allocation.problem import Problem
 from pipeline.config.camera import load_camera
-from pipeline.config.inventory import Inventory, load_inventory
+from pipeline.config.inventory import Inventory, load_inventory, require_streams
 from pipeline.config.mission import Mission, Stream, load_mission
 from pipeline.config.pool import Pool, load_pool
 from pipeline.detection import load_detector
@@ -88,7 +88,9 @@ def prepare(path: Path, thorough: bool = False) -> PreparedMission:
         load_search_area(mission.search_area, frame)
     _models_load(pool)
     own_site = {s.id: s.site for s in mission.streams}
-    person_px = {s.stream: _person_px(terrain, cameras[s.stream], s) for s in streams}
+    person_px = {}
+    if mission.processing.expected_size:
+        person_px = {s.stream: _person_px(terrain, cameras[s.stream], s) for s in streams}
     problem = build_problem(own_site, mission.processing, inventory, pool, where=path, person_px=person_px)
     return PreparedMission(path, mission, inventory, pool, terrain, cameras, streams, problem)
 
@@ -209,13 +211,7 @@ def _sites_exist(path: Path, mission: Mission, inventory: Inventory) -> None:
                 repr(stream.site),
                 f"a site of {mission.inventory}: {', '.join(sorted(sites))}",
             )
-    for number, link in enumerate(inventory.links):
-        if link.stream not in streams:
-            raise InputError(
-                f"{mission.inventory} links.{number}.stream",
-                repr(link.stream),
-                f"a stream of the mission: {', '.join(sorted(streams))}",
-            )
+    require_streams(inventory, mission.inventory, streams, "the mission")
 
 
 def _models_load(pool: Pool) -> None:

@@ -41,11 +41,12 @@ def allocate(
     ] = 0.01,
 ) -> None:
     """Decide which detector looks at which frame of which stream, where, and at which bitrate."""
-    from pipeline.allocation.problem_file import read_problem
+    from pipeline.allocation.problem_file import problem_of
     from pipeline.config.problem import load_problem
 
-    stated = read_problem(problem)
-    limit_s = load_problem(problem).processing.time_limit if time_limit is None else time_limit
+    file = load_problem(problem)
+    stated = problem_of(file, problem)
+    limit_s = file.processing.time_limit if time_limit is None else time_limit
     if running is not None and model is Model.LITERAL:
         raise InputError("--model", "literal with --running", "decomposed: only it plans again")
     plan = _solve(stated, model, limit_s) if running is None else _replan(stated, running, loss, limit_s)
@@ -88,12 +89,9 @@ def _replan(problem: Problem, running: Path, loss: float, limit_s: float) -> Pla
 def _write(problem: Problem, plan: Plan, out: Path) -> None:
     from pipeline.allocation.gantt import gantt_png
     from pipeline.allocation.plan import plan_to_json
-    from pipeline.outputs.safe_write import write_bytes, write_text
+    from pipeline.outputs.safe_write import make_folder, write_bytes, write_text
 
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(out, f"no place to write ({error.strerror})", "a folder that can be made") from None
+    make_folder(out)
     write_bytes(out / "schedule.png", gantt_png(problem, plan))
     write_text(out / "plan.json", plan_to_json(plan, problem))
     say(f"wrote {out / 'plan.json'} and {out / 'schedule.png'}")

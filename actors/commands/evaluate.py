@@ -11,13 +11,11 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 from actors.commands.tables import print_table
+from actors.terminal import console, say
 from pipeline.errors import InputError, SearchlightError
-
-console = Console(stderr=True)
 
 
 class InterruptedRunError(SearchlightError):
@@ -57,13 +55,13 @@ def evaluate(
         execute = on_cluster(address)
     try:
         with _progress() as progress:
-            finished = run(evaluation, out, execute=execute, progress=progress, say=_say)
+            finished = run(evaluation, out, execute=execute, progress=progress, say=say)
     except KeyboardInterrupt:
         raise InterruptedRunError(
             f"interrupted; the same command goes on with what is in {out / 'cache'}"
         ) from None
-    _say(f"see {finished.report}")
-    _say("no pool: it needs timing and transcoding" if finished.pool is None else f"pool: {finished.pool}")
+    say(f"see {finished.report}")
+    say("no pool: it needs timing and transcoding" if finished.pool is None else f"pool: {finished.pool}")
 
 
 def score(
@@ -97,11 +95,7 @@ def convert_annotations(
         raise InputError(
             out, f"no place to write ({error.strerror})", "a file in a folder that exists"
         ) from None
-    _say(f"wrote {out}: {len(document['images'])} pictures, {len(document['annotations'])} boxes")
-
-
-def _say(line: str) -> None:
-    console.print(line, soft_wrap=True, highlight=False, markup=False)
+    say(f"wrote {out}: {len(document['images'])} pictures, {len(document['annotations'])} boxes")
 
 
 @contextmanager

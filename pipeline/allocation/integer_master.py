@@ -21,7 +21,7 @@ KEPT_UNITS = 10**6
 class IntegerSolution:
     """counts: streams per configuration. supply: machines per pattern column. slots: by group without listed
     patterns, per machine how many of each size. unserved: streams without a configuration. value, kept: sums
-    over the configurations. worth, bound: of the goal, in its units (see ``goal_units``). proven: the search
+    over the configurations. worth: of the goal, in its units (see ``goal_units``). proven: the search
     ended.
     """
 
@@ -32,7 +32,6 @@ class IntegerSolution:
     value: int
     kept: int
     worth: int
-    bound: int
     proven: bool
 
     def rank(self) -> tuple[int, int]:
@@ -102,7 +101,6 @@ def solve_integer(
         sum(n * column.value for n, column in zip(counts, columns, strict=True)),
         sum(n * column.kept for n, column in zip(counts, columns, strict=True)),
         round(solver.objective_value),
-        round(solver.best_objective_bound),
         status == cp_model.OPTIMAL,
     )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 from pipeline.allocation.problem import MachineLimit, Problem
 
@@ -37,31 +38,29 @@ class Limit:
 def limits(problem: Problem) -> list[Limit]:
     """All limits; the mission's own numbers first, to blame links and machines where these suffice."""
     return [
-        _per_frame(problem),
+        _number("detectors_per_frame", problem.detectors_per_frame, max(1, len(problem.detectors))),
         _per_stream(problem),
         *(_links(problem, s) for s in problem.streams if _has_links(problem, s)),
         *(_machine(problem, m) for m in problem.machines),
     ]
 
 
-def _per_frame(problem: Problem) -> Limit:
-    most = max(1, len(problem.detectors))
-
-    def to(changed: Problem, value: int) -> Problem:
-        return replace(changed, detectors_per_frame=value)
-
-    step = Step(problem.detectors_per_frame, most, to, lambda value: f"detectors_per_frame {value}")
-    return Limit(f"detectors_per_frame {problem.detectors_per_frame}", lambda p: to(p, most), (step,))
-
-
 def _per_stream(problem: Problem) -> Limit:
-    most = max(1, len(problem.detectors))
+    """Lifted, it is as many as the slowest detector's period: so many of any one kind see every frame."""
+    slowest = max((d.period for d in problem.detectors), default=1)
+    most = max(problem.detectors_per_stream, min(len(problem.detectors), slowest))
+    return _number("detectors_per_stream", problem.detectors_per_stream, most)
+
+
+def _number(field: str, now: int, most: int) -> Limit:
+    """A whole number of the problem itself."""
 
     def to(changed: Problem, value: int) -> Problem:
-        return replace(changed, detectors_per_stream=value)
+        numbers: dict[str, Any] = {field: value}
+        return replace(changed, **numbers)
 
-    step = Step(problem.detectors_per_stream, most, to, lambda value: f"detectors_per_stream {value}")
-    return Limit(f"detectors_per_stream {problem.detectors_per_stream}", lambda p: to(p, most), (step,))
+    step = Step(now, most, to, lambda value: f"{field} {value}")
+    return Limit(f"{field} {now}", lambda problem: to(problem, most), (step,))
 
 
 def _has_links(problem: Problem, stream: str) -> bool:

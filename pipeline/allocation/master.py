@@ -47,7 +47,7 @@ class Rows:
 
     uses: per kind its (row, amount). size_of: per kind its group and size, None if it takes nothing. limit:
     int64 (rows,). supply: per pattern column its (row, amount), with negative amounts where it offers room.
-    memories: by group; None where nothing limits it. first_row: by group. supplies: by group, the numbers of
+    memories: by group; None where nothing limits it. supplies: by group, the numbers of
     its pattern columns.
     """
 
@@ -56,7 +56,6 @@ class Rows:
     limit: NDArray[np.int64]
     supply: tuple[tuple[tuple[int, int], ...], ...]
     memories: tuple[GroupMemory | None, ...]
-    first_row: tuple[int, ...]
     supplies: tuple[tuple[int, ...], ...]
     cuts: tuple[tuple[int, Cut], ...]
 
@@ -127,7 +126,6 @@ def rows_of(aggregation: Aggregation, cuts: Sequence[Cut] = ()) -> Rows:
         np.array(limit, dtype=np.int64),
         tuple(supply),
         memories,
-        tuple(first_row),
         tuple(supplies),
         tuple(enumerate(cuts, start=first_cut)),
     )

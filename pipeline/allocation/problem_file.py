@@ -6,16 +6,14 @@ from pathlib import Path
 
 from pipeline.allocation.build import build_problem
 from pipeline.allocation.problem import Problem
-from pipeline.config.inventory import Inventory, load_inventory
+from pipeline.config.inventory import Inventory, load_inventory, require_streams
 from pipeline.config.pool import load_pool
-from pipeline.config.problem import PlannedStream, load_problem
-from pipeline.errors import InputError
+from pipeline.config.problem import AllocationProblem, PlannedStream
 from pipeline.geo.expected_size import expected_person_px
 
 
-def read_problem(path: Path) -> Problem:
-    """The problem of a file (``config.problem``). Raises InputError naming file and field."""
-    stated = load_problem(path)
+def problem_of(stated: AllocationProblem, path: Path) -> Problem:
+    """The problem that a file states. path: of the file. Raises InputError naming file and field."""
     inventory = _with_links_of_copies(stated.streams, load_inventory(stated.inventory), stated.inventory)
     return build_problem(
         {name: stream.site for stream in stated.streams for name in stream.names},
@@ -35,13 +33,7 @@ def read_problem(path: Path) -> Problem:
 def _with_links_of_copies(streams: tuple[PlannedStream, ...], inventory: Inventory, where: Path) -> Inventory:
     """Every copy of a stream gets the links of the first."""
     names = {stream.id: stream.names for stream in streams}
-    for number, link in enumerate(inventory.links):
-        if link.stream not in names:
-            raise InputError(
-                f"{where} links.{number}.stream",
-                repr(link.stream),
-                f"a stream of the problem: {', '.join(sorted(names))}",
-            )
+    require_streams(inventory, where, names, "the problem")
     links = tuple(
         link.model_copy(update={"stream": name}) for link in inventory.links for name in names[link.stream]
     )

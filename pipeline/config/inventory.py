@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
 from typing import Literal
 
@@ -9,6 +10,7 @@ from pydantic import Field, model_validator
 
 from pipeline.config.base import Strict, load, mismatch, refuse_repeated
 from pipeline.config.units import BitsPerSecond, Bytes
+from pipeline.errors import InputError
 
 
 class Machine(Strict):
@@ -72,6 +74,19 @@ class Inventory(Strict):
                     at = ("sites", s, "machines", m, "id")
                     raise mismatch(f"machine {min(again)!r} again", "every machine once", at)
                 seen.update(machine.names)
+
+
+def require_streams(inventory: Inventory, where: Path, streams: Collection[str], of: str) -> None:
+    """Raise InputError for a link of a stream that is not there. where: the inventory file. of: whose
+    streams.
+    """
+    for number, link in enumerate(inventory.links):
+        if link.stream not in streams:
+            raise InputError(
+                f"{where} links.{number}.stream",
+                repr(link.stream),
+                f"a stream of {of}: {', '.join(sorted(streams))}",
+            )
 
 
 def load_inventory(path: Path) -> Inventory:

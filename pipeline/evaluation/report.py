@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import base64
 import io
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
@@ -25,6 +22,7 @@ from pipeline.evaluation.pictures import (
 )
 from pipeline.evaluation.results import Results
 from pipeline.evaluation.shapes import missed_targets, shapes
+from pipeline.outputs.html import page_environment
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,15 +99,8 @@ def _name(example: Example) -> str:
 
 def render_report(results: Results, figures: list[ReportFigure]) -> str:
     """The report's HTML; every text from outside is escaped."""
-    environment = Environment(
-        loader=PackageLoader("pipeline.evaluation", "."),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    environment = page_environment("pipeline.evaluation")
     environment.filters.update(
-        png=_data_uri,
         ms=lambda s: f"{1e3 * s:.2f}",
         kbps=lambda bps: "–" if bps is None else f"{bps / 1e3:.0f}",
         figure=lambda x: "–" if x is None else f"{x:.3f}",
@@ -176,7 +167,3 @@ def _png(figure: Figure) -> bytes:
     FigureCanvasAgg(figure)
     figure.savefig(buffer, format="png", metadata={"Software": None})
     return buffer.getvalue()
-
-
-def _data_uri(picture: bytes) -> Markup:
-    return Markup("data:image/png;base64,{}").format(base64.b64encode(picture).decode("ascii"))

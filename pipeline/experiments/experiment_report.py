@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import json
 import math
 from collections.abc import Mapping, Sequence
@@ -10,9 +9,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 
+from pipeline.outputs.html import page_environment
 from pipeline.outputs.map_picture import png
 from pipeline.outputs.safe_write import write_bytes, write_text
 
@@ -53,11 +52,8 @@ def write_experiment(out: Path, experiment: Experiment) -> None:
     pictures = {name: png(figure) for name, figure in experiment.pictures.items()}
     for name, data in pictures.items():
         write_bytes(out / f"{name}.png", data)
-    environment = Environment(
-        loader=PackageLoader("pipeline.experiments", "."), autoescape=True, undefined=StrictUndefined
-    )
-    encoded = {name: base64.b64encode(data).decode("ascii") for name, data in pictures.items()}
-    page = environment.get_template("experiment.html.j2").render(experiment=experiment, pictures=encoded)
+    template = page_environment("pipeline.experiments").get_template("experiment.html.j2")
+    page = template.render(experiment=experiment, pictures=pictures)
     write_text(out / "report.html", page)
     write_text(out / "results.json", json.dumps(results(experiment), indent=1, allow_nan=False) + "\n")
 

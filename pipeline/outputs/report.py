@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from pipeline.fusion.salient import SalientLocation
@@ -16,6 +13,7 @@ from pipeline.fusion.second_flight import SecondFlight
 from pipeline.fusion.second_look import SecondLookArea
 from pipeline.fusion.voxel_map import VoxelMap
 from pipeline.messages import FloatArray
+from pipeline.outputs.html import page_environment
 from pipeline.outputs.map_picture import map_picture, observed_area_m2, png
 from pipeline.outputs.safe_write import write_text
 from pipeline.outputs.summary import Summary
@@ -51,17 +49,10 @@ def write_report(path: Path, data: ReportData) -> None:
 def render_report(data: ReportData) -> str:
     """The report's HTML; every text from outside is escaped."""
     summary = data.summary
-    environment = Environment(
-        loader=PackageLoader("pipeline.outputs", "."),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    environment = page_environment("pipeline.outputs")
     environment.filters.update(
         iso=iso_utc,
         clock=clock_utc,
-        png=_data_uri,
         geo=_geo_uri,
         rate=_rate,
         milliseconds=_milliseconds,
@@ -101,10 +92,6 @@ def verdict(locations: Sequence[SalientLocation], match: TruthMatch | None) -> s
 
 def _count(number: int, one: str, many: str = "") -> str:
     return f"{number} {one if number == 1 else many or one + 's'}"
-
-
-def _data_uri(picture: bytes) -> Markup:
-    return Markup("data:image/png;base64,{}").format(base64.b64encode(picture).decode("ascii"))
 
 
 def _geo_uri(place: SalientLocation) -> str:

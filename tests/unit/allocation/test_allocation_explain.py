@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import pytest
 
@@ -76,3 +77,15 @@ def test_too_few_detectors_are_told_apart_from_limits(tiny: Tiny) -> None:
 def test_a_problem_with_a_plan_has_nothing_to_explain(tiny: Tiny) -> None:
     with pytest.raises(ValueError, match="has a plan"):
         explain(tiny(("fast", 1, 0.8, 2.0)))
+
+
+def test_with_many_detectors_the_set_is_minimal_and_proven(paper_instance: Callable[..., Problem]) -> None:
+    """200 detectors: a stream cannot be tried with all of them, and need not be."""
+    problem = paper_instance(4, 2, 6)
+    narrow = replace(problem, link_bps={**problem.link_bps, **{("v1", site): 1e4 for site in "abcd"}})
+    found = explanation.explain(narrow)
+    assert found.proven
+    assert found.limits == (
+        "the links of stream v1 (0.01 Mbps to a, 0.01 Mbps to b, 0.01 Mbps to c, 0.01 Mbps to d)",
+    )
+    assert found.changes == ("a link of 0.05 Mbps from stream v1 to b",)
