@@ -14,6 +14,7 @@ Readings taken where the paper is open:
 from __future__ import annotations
 
 import math
+from bisect import insort
 from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
@@ -107,9 +108,11 @@ class Fuser:
 
     def _keep(self, looks: list[Look]) -> None:
         late = bool(looks and self.looks) and looks[0].order < self.looks[-1].order
-        self.looks += looks
-        if late:
-            self.looks.sort(key=lambda look: look.order)
+        if not late:
+            self.looks += looks
+            return
+        for look in looks:
+            insort(self.looks, look, key=lambda kept: kept.order)
 
     def _fault(self, detections: Detections) -> str | None:
         """Why nothing of a result can be used, if so."""

@@ -13,8 +13,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.fusion.selection_kernels import select
 from pipeline.fusion.tiles import TILE_BITS
-from pipeline.fusion.visibility_kernels import frustum, select, sweep
+from pipeline.fusion.visibility_kernels import frustum, sweep
 from pipeline.geo.camera import Camera
 from pipeline.geo.terrain import Terrain
 from pipeline.messages import CameraPose, FloatArray
