@@ -51,7 +51,6 @@ train: setup ## train the shipped detectors again (about an hour and a half on t
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[train]'
 	for name in nano small medium large; do \
 		$(BIN)/searchlight train configs/detectors/$$name.train.yaml --out runs/train || exit; done
-	$(BIN)/searchlight measure-pool runs/train/small.onnx runs/train/medium.onnx --out runs/train/pool.yaml
 
 clean: ## remove .venv and runs
 	rm -rf $(VENV) runs

@@ -109,18 +109,6 @@ def train(
         train_detector(config, out, progress=progress)
 
 
-@app.command()
-def measure_pool(
-    models: Annotated[list[Path], typer.Argument(help="ONNX files; the file's name is the detector's id.")],
-    out: Annotated[Path, typer.Option(help="The pool file to write.")],
-) -> None:
-    """Measure detectors on simulated flights and here, and write a pool (needs the extra 'train')."""
-    with _needs_training(), _progress("steps") as progress:
-        from pipeline.training.measure_pool import measure_pool as measure
-
-        measure({model.stem: model for model in models}, out, progress=progress)
-
-
 @contextmanager
 def _needs_training() -> Iterator[None]:
     try:

@@ -12,7 +12,8 @@ import numpy as np
 
 from pipeline.allocation.plan import Assignment
 from pipeline.config.mission import Codec
-from pipeline.detection import load_detector
+from pipeline.config.pool import PoolDetector
+from pipeline.detection import open_pool_detector
 from pipeline.errors import SearchlightError, failure
 from pipeline.link.channel import LinkSender, Receiver
 from pipeline.messages import EndOfStream, Message, Packet
@@ -38,7 +39,7 @@ class MachineStatus:
 
 
 class MachineActor:
-    """One machine. models: pool detector -> (ONNX bytes' path, score threshold)."""
+    """One machine with its detectors."""
 
     def __init__(self, machine: str, host: str, token: bytes, codec: Codec) -> None:
         self._machine, self._host, self._token, self._codec = machine, host, token, codec
@@ -50,15 +51,14 @@ class MachineActor:
     def start(
         self,
         assignments: tuple[Assignment, ...],
-        models: Mapping[str, tuple[str, float]],
+        detectors: Mapping[str, PoolDetector],
         reducer: Address,
         realtime: bool,
     ) -> Address:
-        """Load the detectors, begin to listen; the address for the substreams' packets."""
+        """Load the pool's detectors, begin to listen; the address for the substreams' packets."""
         self._results.connect(_RESULTS, reducer, self._token)
         for a in assignments:
-            path, threshold = models[a.pool_detector]
-            detector = load_detector(path, score_threshold=threshold)
+            detector = open_pool_detector(detectors[a.pool_detector])
             # the first picture takes longer than all others: not while the drone flies
             detector.detect(np.zeros((576, 1024, 3), dtype=np.uint8))
             stage = DetectorStage(detector, a.codec or self._codec)

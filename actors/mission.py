@@ -122,9 +122,9 @@ class _Wiring:
     def _start_machines(self, plan: Plan, realtime: bool) -> dict[str, tuple[str, int]]:
         reducer_address = _get(self._reducer.address.remote())
         given = {m: tuple(a for a in plan.assignments if a.machine == m) for m in self._machines}
-        models = {a.pool_detector: self._prepared.model(a.pool_detector) for a in plan.assignments}
+        used = {a.pool_detector: self._prepared.runnable(a.pool_detector) for a in plan.assignments}
         started = {
-            m: actor.start.remote(given[m], models, reducer_address, realtime)
+            m: actor.start.remote(given[m], used, reducer_address, realtime)
             for m, actor in self._machines.items()
         }
         return {a.detector: _get(started[a.machine]) for a in plan.assignments}

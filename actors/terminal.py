@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 console = Console(stderr=True)
 
@@ -17,12 +17,17 @@ def say(line: str) -> None:
 
 
 @contextmanager
-def progress_bars(unit: str) -> Iterator[Callable[..., None]]:
-    """A function update(name, done, total, note="") that draws one bar for each name."""
+def progress_bars(unit: str | None) -> Iterator[Callable[..., None]]:
+    """A function update(name, done, total, note="") that draws one bar for each name.
+
+    unit: of done and total; None: they are told as a share. What was done before the first call does not make
+    the rest look fast.
+    """
+    count = TextColumn("{task.completed:.0f}/{task.total:.0f} " + (unit or ""))
     bars = Progress(
         TextColumn("{task.description}"),
         BarColumn(),
-        TextColumn("{task.completed:.0f}/{task.total:.0f} " + unit),
+        TaskProgressColumn() if unit is None else count,
         TextColumn("{task.fields[note]}"),
         TimeRemainingColumn(),
         console=console,
@@ -31,7 +36,7 @@ def progress_bars(unit: str) -> Iterator[Callable[..., None]]:
 
     def update(name: str, done: int, total: int, note: str = "") -> None:
         if name not in tasks:
-            tasks[name] = bars.add_task(name, total=total, note="")
+            tasks[name] = bars.add_task(name, total=total, completed=done, note="")
         bars.update(tasks[name], completed=done, total=total, note=note)
 
     with bars:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 from pipeline.allocation.plan import Plan
-from pipeline.detection import load_detector
+from pipeline.detection import open_pool_detector
 from pipeline.fusion.fuser import Fuser
 from pipeline.fusion.sequencer import Sequencer
 from pipeline.messages import Message
@@ -85,8 +85,7 @@ def make_detectors(prepared: PreparedMission, plan: Plan) -> dict[tuple[str, str
     """One stage, with a decoder of its own, per substream."""
     stages = {}
     for a in plan.assignments:
-        model, threshold = prepared.model(a.pool_detector)
-        detector = load_detector(model, score_threshold=threshold)
+        detector = open_pool_detector(prepared.runnable(a.pool_detector))
         stages[a.stream, a.detector] = DetectorStage(detector, a.codec or prepared.mission.processing.codec)
     return stages
 

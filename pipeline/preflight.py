@@ -16,8 +16,8 @@ from pipeline.allocation.problem import Problem
 from pipeline.config.camera import load_camera
 from pipeline.config.inventory import Inventory, load_inventory, require_streams
 from pipeline.config.mission import Mission, Stream, load_mission
-from pipeline.config.pool import Pool, load_pool
-from pipeline.detection import load_detector
+from pipeline.config.pool import Pool, PoolDetector, load_pool
+from pipeline.detection import open_pool_detector
 from pipeline.errors import InputError, NoPlanError, NoPlanInTimeError
 from pipeline.geo.camera import Camera
 from pipeline.geo.expected_size import expected_person_px
@@ -56,8 +56,8 @@ class PreparedMission:
         best = {d.id: max(a.accuracy for a in d.accuracy) for d in self.pool.detectors}
         return {name: accuracy / max(best.values()) for name, accuracy in best.items()}
 
-    def model(self, pool_detector: str) -> tuple[Path, float]:
-        """ONNX file and score threshold of a pool detector."""
+    def runnable(self, pool_detector: str) -> PoolDetector:
+        """A pool detector that has a model."""
         detector = next(d for d in self.pool.detectors if d.id == pool_detector)
         if detector.model is None:
             raise InputError(
@@ -65,7 +65,7 @@ class PreparedMission:
                 "nothing",
                 "an ONNX file: this detector can only be planned with",
             )
-        return detector.model, detector.score_threshold
+        return detector
 
 
 def prepare(path: Path, thorough: bool = False) -> PreparedMission:
@@ -114,7 +114,7 @@ def plan(prepared: PreparedMission) -> Plan:
             f"{prepared.path} processing.time_limit: found no plan within {limit_s:g} s; expected more time"
         )
     for assignment in result.assignments:
-        prepared.model(assignment.pool_detector)
+        prepared.runnable(assignment.pool_detector)
     return result
 
 
@@ -217,4 +217,4 @@ def _sites_exist(path: Path, mission: Mission, inventory: Inventory) -> None:
 def _models_load(pool: Pool) -> None:
     for detector in pool.detectors:
         if detector.model is not None:
-            load_detector(detector.model, score_threshold=detector.score_threshold)
+            open_pool_detector(detector)

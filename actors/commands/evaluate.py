@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 from actors.commands.tables import print_table
-from actors.terminal import console, say
+from actors.terminal import progress_bars, say
 from pipeline.errors import InputError, SearchlightError
 
 
@@ -54,7 +51,8 @@ def evaluate(
 
         execute = on_cluster(address)
     try:
-        with _progress() as progress:
+        # shares: a cell of H.265 takes many times as long as one of H.264
+        with progress_bars(None) as progress:
             finished = run(evaluation, out, execute=execute, progress=progress, say=say)
     except KeyboardInterrupt:
         raise InterruptedRunError(
@@ -96,31 +94,6 @@ def convert_annotations(
             out, f"no place to write ({error.strerror})", "a file in a folder that exists"
         ) from None
     say(f"wrote {out}: {len(document['images'])} pictures, {len(document['annotations'])} boxes")
-
-
-@contextmanager
-def _progress() -> Iterator[Callable[[str, int, int, str], None]]:
-    """Bars in shares of the work: a cell of H.265 takes many times as long as one of H.264."""
-    bars = Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TaskProgressColumn(),
-        TimeRemainingColumn(),
-        TextColumn("{task.fields[note]}"),
-        console=console,
-    )
-    tasks: dict[str, TaskID] = {}
-    before: dict[str, int] = {}
-
-    def update(name: str, done: int, total: int, note: str) -> None:
-        # what was finished earlier must not make the rest look fast
-        before.setdefault(name, done if done < total else 0)
-        if name not in tasks:
-            tasks[name] = bars.add_task(name, total=total - before[name], note=note)
-        bars.update(tasks[name], completed=done - before[name], note=note)
-
-    with bars:
-        yield update
 
 
 def register(app: Any) -> None:

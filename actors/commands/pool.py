@@ -1,4 +1,4 @@
-"""``searchlight pool``: look at pools, merge them, compare them."""
+"""``searchlight pool``: look at pools, merge them, compare them, carry them over to other machines."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ import typer
 from actors.commands.tables import print_table
 from pipeline.errors import InputError
 
-app = typer.Typer(no_args_is_help=True, help="Look at pools of detectors, merge them, compare them.")
+app = typer.Typer(
+    no_args_is_help=True, help="Look at pools of detectors, merge them, compare them, carry them over."
+)
 
 
 @app.command()
@@ -36,11 +38,31 @@ def merge(
 
     if len(pools) < 2:
         raise InputError("pools", "one file", "two or more")
+    _require_new(out)
+    merge_pools(pools, out)
+
+
+@app.command()
+def assume(
+    pool: Annotated[Path, typer.Argument(help="A pool file.")],
+    out: Annotated[Path, typer.Option(help="The pool file to write; must not exist.")],
+    machine: Annotated[str, typer.Option(help="The machine type that could not be measured.")],
+    like: Annotated[str, typer.Option(help="A machine type that was.")],
+    slower: Annotated[float, typer.Option(min=0.01, max=1e4, help="How many times as slow it is.")],
+    detector: Annotated[list[str] | None, typer.Option(help="Keep this one only; may be repeated.")] = None,
+) -> None:
+    """A pool for a machine that was not measured, and that says so."""
+    from pipeline.evaluation.pool_tools import assume as assume_machine
+
+    _require_new(out)
+    assume_machine(pool, out, machine=machine, like=like, slower=slower, detectors=tuple(detector or ()))
+
+
+def _require_new(out: Path) -> None:
     if out.exists():
         raise InputError(out, "a file that is there already", "a new name")
     if not out.parent.is_dir():
         raise InputError(out.parent, "no folder", "a folder that exists")
-    merge_pools(pools, out)
 
 
 @app.command()

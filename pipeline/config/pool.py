@@ -72,12 +72,20 @@ class TimeOn(Strict):
         return self
 
 
+class Calibration(Strict):
+    """What a score s is worth: the probability 1 / (1 + exp(-(scale log(s / (1 - s)) + offset)))."""
+
+    scale: float = Field(gt=0.0, allow_inf_nan=False)
+    offset: float = Field(allow_inf_nan=False)
+
+
 class PoolDetector(Strict):
     """One detector.
 
     model: the ONNX file, relative to the pool file; none for a detector that is only planned with.
-    card: its data sheet. score_threshold: detections below it are not reported. accuracy: under the codec
-    and by the metric that the provenance names; the other accuracies say more of the same. sha256: of model.
+    card: its data sheet. score_threshold: detections below it are not reported. calibration: what a score
+    above it is worth; absent: the score itself. accuracy: under the codec and by the metric that the
+    provenance names; the other accuracies say more of the same. sha256: of model.
     """
 
     id: str = Field(pattern=r"^[A-Za-z0-9_.-]+$")
@@ -85,6 +93,7 @@ class PoolDetector(Strict):
     card: Path | None = None
     memory: Bytes
     score_threshold: Accuracy = 0.3
+    calibration: Calibration | None = None
     accuracy: tuple[AccuracyAt, ...] = Field(min_length=1)
     times: tuple[TimeOn, ...] = Field(min_length=1)
     sharing: tuple[Sharing, ...] = ()

@@ -9,13 +9,15 @@ from functools import cached_property
 import numpy as np
 
 from pipeline.config.evaluation import Evaluation
+from pipeline.config.pool import Calibration
+from pipeline.detection.calibration import calibrated, calibration_error, fit_calibration
 from pipeline.evaluation.bootstrap import drawn_weights
 from pipeline.evaluation.boxes import FoundBoxes, IntArray, found_boxes, true_boxes
 from pipeline.evaluation.cell import Cell, Sample, measure, only
 from pipeline.evaluation.dataset import DataSet, scaled
 from pipeline.evaluation.grid import Grid
 from pipeline.evaluation.lrp import lrp_curve, optimal_lrp
-from pipeline.evaluation.matching import match
+from pipeline.evaluation.matching import Matches, match
 from pipeline.evaluation.unit import Condition, UnitResult
 
 _PERSON = 1
@@ -124,8 +126,34 @@ def _link(results: GridResults, condition: Condition) -> dict[str, float | None]
     }
 
 
-def threshold_of(results: GridResults, detector: str) -> float:
-    """The score where LRP is least over all conditions together, never below the cut-off; two decimals."""
+@dataclass(frozen=True, slots=True)
+class ScoreUse:
+    """How a detector's scores are to be used, judged over all conditions together.
+
+    threshold: where LRP is least, never below the cut-off; two decimals. calibration: of the boxes above it.
+    error, error_calibrated: expected calibration error of those boxes' scores as they are, and calibrated.
+    """
+
+    threshold: float
+    calibration: Calibration | None
+    error: float
+    error_calibrated: float | None
+
+
+def score_use(results: GridResults, detector: str) -> ScoreUse:
+    """See ScoreUse."""
+    matches = _all_matches(results, detector)
+    best = optimal_lrp(lrp_curve(matches, _PERSON))
+    threshold = round(min(max(best.threshold, results.evaluation.score_cutoff), 1.0), 2)
+    counted = ~matches.ignored[0] & (matches.score >= threshold)
+    score, right = matches.score[counted], matches.right[0, counted]
+    calibration = fit_calibration(score, right)
+    after = None if calibration is None else calibration_error(calibrated(score, calibration), right)
+    return ScoreUse(threshold, calibration, calibration_error(score, right), after)
+
+
+def _all_matches(results: GridResults, detector: str) -> Matches:
+    """At IoU 0.5, the pictures of every condition one after the other."""
     count, truth, images = len(results.grid.conditions), results.sample.truth, results.sample.images
     true = true_boxes(
         np.concatenate([truth.image + k * images for k in range(count)]),
@@ -141,5 +169,4 @@ def threshold_of(results: GridResults, detector: str) -> float:
         np.concatenate([part.bbox for part in parts]),
         np.concatenate([part.score for part in parts]),
     )
-    best = optimal_lrp(lrp_curve(match(true, found, "all", np.array([0.5])), _PERSON))
-    return round(min(max(best.threshold, results.evaluation.score_cutoff), 1.0), 2)
+    return match(true, found, "all", np.array([0.5]))

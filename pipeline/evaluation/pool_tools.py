@@ -1,4 +1,4 @@
-"""Pools side by side: shown as a table, merged into one, compared."""
+"""Pools side by side: shown as a table, merged into one, compared, carried over to other machines."""
 
 from __future__ import annotations
 
@@ -9,9 +9,11 @@ from typing import Any
 
 import yaml
 
-from pipeline.config.pool import Pool, PoolDetector, load_pool
+from pipeline.config.pool import Pool, PoolDetector, TimeOn, load_pool
 from pipeline.errors import InputError
 from pipeline.outputs.safe_write import replacing
+
+_TIMES = ("minimum", "mean", "p95", "maximum")
 
 
 def shown(pool: Pool) -> list[tuple[str, ...]]:
@@ -60,6 +62,45 @@ def merge(paths: list[Path], out: Path) -> None:
         "assumed": list(dict.fromkeys(text for _, d in documents for text in d.get("assumed", []))),
         "detectors": list(merged.values()),
     }
+    _write(out, pool)
+
+
+def assume(
+    path: Path, out: Path, *, machine: str, like: str, slower: float, detectors: tuple[str, ...] = ()
+) -> None:
+    """A pool for a machine type that could not be measured: so many times as slow as one that was.
+
+    The pool says that it is assumed. detectors: those to keep, all if empty. Raises InputError for a detector
+    or a machine type that the pool has not, or a machine type that is measured already.
+    """
+    document = _document(path)
+    rows = {row["id"]: _moved(row, path.parent, out.parent) for row in document["detectors"]}
+    kept = [_known(rows, name, f"{path} detectors") for name in detectors or rows]
+    for row in kept:
+        times = {t["machine"]: t for t in row["times"]}
+        where = f"{path} detectors.{row['id']}.times"
+        if machine in times:
+            raise InputError(where, f"{machine}, which is measured", "a machine type that is not")
+        measured = _known(times, like, where)
+        row["times"].append(
+            {"machine": machine}
+            | {
+                field: {"milliseconds": round(1e3 * slower * time_s, 3)}
+                for field in _TIMES
+                if (time_s := getattr(TimeOn.model_validate(measured), field)) is not None
+            }
+        )
+    text = f"machine type {machine}: {slower:g} times as slow as {like}, which was measured"
+    _write(out, document | {"assumed": [*document.get("assumed", []), text], "detectors": kept})
+
+
+def _known(rows: dict[str, Any], name: str, where: str) -> Any:
+    if name not in rows:
+        raise InputError(where, f"no {name}", f"one of {', '.join(sorted(rows))}")
+    return rows[name]
+
+
+def _write(out: Path, pool: dict[str, Any]) -> None:
     with replacing(out) as temporary:
         temporary.write_text(yaml.safe_dump(pool, sort_keys=False, width=110), encoding="utf-8")
         load_pool(temporary)
@@ -113,6 +154,8 @@ def differences(old: Pool, new: Pool) -> Iterator[tuple[str, str, str, str]]:
 def _flat(d: PoolDetector) -> Iterator[tuple[str, str]]:
     yield "memory", f"{d.memory / 1e6:g} MB"
     yield "score_threshold", f"{d.score_threshold:g}"
+    if d.calibration is not None:
+        yield "calibration", f"scale {d.calibration.scale:g}, offset {d.calibration.offset:g}"
     yield "sha256", (d.sha256 or "–")[:12]
     for p in d.accuracy:
         yield f"accuracy at {p.bitrate / 1e3:g} kbps", f"{p.accuracy:.4g}"
@@ -124,7 +167,7 @@ def _flat(d: PoolDetector) -> Iterator[tuple[str, str]]:
         where = f"people from {x.person_px_from:g} px"
         yield f"accuracy, {where}, at {x.bitrate / 1e3:g} kbps", f"{x.accuracy:.4g}"
     for t in d.times:
-        for field in ("minimum", "mean", "p95", "maximum"):
+        for field in _TIMES:
             value = getattr(t, field)
             if value is not None:
                 yield f"{field} on {t.machine}", f"{1e3 * value:.4g} ms"

@@ -20,7 +20,7 @@ from pipeline.evaluation.pictures import (
     size_picture,
     time_picture,
 )
-from pipeline.evaluation.results import Results
+from pipeline.evaluation.results import DetectorFile, Results
 from pipeline.evaluation.shapes import missed_targets, shapes
 from pipeline.outputs.html import page_environment
 
@@ -146,7 +146,11 @@ def _provenance(results: Results) -> list[tuple[str, str]]:
         ),
     ]
     rows += [
-        (d.id, f"{d.model}, {d.precision}, threshold {d.score_threshold:.2f}, sha256 {d.sha256[:16]}")
+        (
+            d.id,
+            f"{d.model}, {d.precision}, sha256 {d.sha256[:16]}; threshold {d.score_threshold:.2f}"
+            + _calibration(d),
+        )
         for d in results.detectors
     ]
     return [
@@ -154,6 +158,15 @@ def _provenance(results: Results) -> list[tuple[str, str]]:
         ("processor time of all cells", _shares(p.seconds)),
         ("of it in this run, with all else", _shares(p.seconds_this_run)),
     ]
+
+
+def _calibration(d: DetectorFile) -> str:
+    if d.calibration is None or d.calibration_error is None or d.calibrated_error is None:
+        return ""
+    return (
+        f"; expected calibration error of the scores above it {d.calibration_error:.3f}, "
+        f"calibrated {d.calibrated_error:.3f}"
+    )
 
 
 def _shares(seconds: dict[str, float]) -> str:

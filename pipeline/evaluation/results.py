@@ -8,6 +8,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from pipeline.config.evaluation import Metric
 from pipeline.config.mission import Codec
+from pipeline.config.pool import Calibration
 from pipeline.errors import InputError
 from pipeline.evaluation.cell import Cell
 from pipeline.evaluation.setup_timing import SetupTiming
@@ -18,7 +19,11 @@ class _Record(BaseModel):
 
 
 class DetectorFile(_Record):
-    """A detector as it was evaluated. score_threshold: where LRP over all conditions together is least."""
+    """A detector as it was evaluated.
+
+    score_threshold: where LRP over all conditions together is least. calibration: of the scores above it;
+    calibration_error: their expected calibration error, and after calibration, if there is one.
+    """
 
     id: str
     model: str
@@ -26,6 +31,9 @@ class DetectorFile(_Record):
     sha256: str
     precision: str
     score_threshold: float
+    calibration: Calibration | None = None
+    calibration_error: float | None = None
+    calibrated_error: float | None = None
 
 
 class Provenance(_Record):

@@ -15,7 +15,7 @@ from pipeline.evaluation.dataset import require_aspect, sha256_of_file
 from pipeline.evaluation.examples import Example, examples
 from pipeline.evaluation.faults import FaultLog
 from pipeline.evaluation.grid import Execute, Progress, plan_grid, run_grid
-from pipeline.evaluation.grid_results import GridResults, cells_of, threshold_of
+from pipeline.evaluation.grid_results import GridResults, cells_of, score_use
 from pipeline.evaluation.own_folder import CACHE, check_evaluation_directory, evaluation_directory
 from pipeline.evaluation.pool_file import write_pool
 from pipeline.evaluation.precision import in_precision
@@ -118,13 +118,17 @@ def _finish(
 
 
 def _detector_file(found: GridResults, detector: EvaluatedDetector, model: Model) -> DetectorFile:
+    use = score_use(found, detector.id)
     return DetectorFile(
         id=detector.id,
         model=str(model.path),
         card=None if detector.card is None else str(detector.card),
         sha256=model.sha256,
         precision=detector.precision,
-        score_threshold=threshold_of(found, detector.id),
+        score_threshold=use.threshold,
+        calibration=use.calibration,
+        calibration_error=use.error,
+        calibrated_error=use.error_calibrated,
     )
 
 

@@ -234,10 +234,7 @@ class _Scanner:
     def look(self, image: NDArray[np.uint8], picture: int) -> None:
         started = time.perf_counter()
         boxes, scores = self._detector.candidates(image)
-        # a box that would not be reported may be what it likes
-        finite = np.isfinite(scores) & (
-            np.isfinite(boxes).all(axis=1) | (scores < self._detector.score_threshold)
-        )
+        finite = self._detector.finite(boxes, scores)
         self._not_finite += int((~finite).sum())
         boxes, scores, _ = self._detector.chosen(image, boxes[finite], scores[finite])
         # they come by falling score, and no metric takes more

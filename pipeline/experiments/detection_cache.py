@@ -67,8 +67,10 @@ def _key(prepared: PreparedMission, chosen: Plan) -> str:
     for s in prepared.streams:
         digest.update(s.path.read_bytes())
     for detector in sorted({a.pool_detector for a in chosen.assignments}):
-        model, threshold = prepared.model(detector)
-        digest.update(model.read_bytes() + repr(threshold).encode())
+        used = prepared.runnable(detector)
+        assert used.model is not None
+        digest.update(used.model.read_bytes())
+        digest.update(repr((used.score_threshold, used.calibration)).encode())
     return digest.hexdigest()
 
 

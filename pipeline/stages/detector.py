@@ -6,7 +6,7 @@ import contextlib
 import time
 
 from pipeline.config.mission import Codec
-from pipeline.detection import Detector
+from pipeline.detection import Detector, NotFiniteError
 from pipeline.messages import Detections, Dropped, EndOfStream, Hops, Message, Packet
 from pipeline.video.codec import Decoder
 
@@ -19,7 +19,9 @@ class DetectorStage:
         self._decoder = Decoder(codec)
 
     def process(self, message: Message, received_ns: int) -> Message:
-        """Detections for a packet, or Dropped if it cannot be decoded; the end of the stream as it is.
+        """Detections for a packet, or Dropped if it cannot be decoded or the network says NaN of it.
+
+        The end of the stream comes back as it is.
 
         received_ns: when the message arrived, ns UTC.
         """
@@ -31,9 +33,12 @@ class DetectorStage:
         try:
             image = self._decoder.decode(message.data)
         except ValueError:
-            return Dropped(message.stream, message.detector, message.index, message.time_ns, "undecodable")
+            return _dropped(message, "undecodable")
         decoded = time.perf_counter()
-        boxes, scores, classes = self._detector.detect(image)
+        try:
+            boxes, scores, classes = self._detector.detect(image)
+        except NotFiniteError:
+            return _dropped(message, "detector_not_finite")
         detected = time.perf_counter()
         transfer_s = max(0, received_ns - message.sent_ns) * 1e-9 if message.sent_ns else message.link_s
         return Detections(
@@ -54,4 +59,8 @@ class DetectorStage:
             return message
         with contextlib.suppress(ValueError):
             self._decoder.decode(message.data)
-        return Dropped(message.stream, message.detector, message.index, message.time_ns, "machine_busy")
+        return _dropped(message, "machine_busy")
+
+
+def _dropped(packet: Packet, reason: str) -> Dropped:
+    return Dropped(packet.stream, packet.detector, packet.index, packet.time_ns, reason)

@@ -86,11 +86,6 @@ def accuracy(seen: list[Seen]) -> Accuracy:
     )
 
 
-def best_threshold(seen: list[Seen]) -> float:
-    """The score with the greatest F1 over all pictures, at IoU 0.5; NaN if nobody was found."""
-    return accuracy(seen).score
-
-
 def _judged(seen: list[Seen]) -> tuple[FloatArray, NDArray[np.bool_], FloatArray]:
     """_judge of all pictures, one after the other."""
     scores, right, edges = zip(*map(_judge, seen), strict=True)

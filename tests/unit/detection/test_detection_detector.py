@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.detection import Detector, load_detector
+from pipeline.config.pool import Calibration
+from pipeline.detection import Detector, NotFiniteError, load_detector
 from pipeline.detection.layouts.searchlight import SearchlightLayout
 from pipeline.errors import InputError
 
@@ -33,6 +34,34 @@ def test_nothing_found_has_the_shapes_of_no_boxes():
     detector = Detector(FakeSession(), SearchlightLayout(512, 288), score_threshold=0.95)
     boxes, scores, classes = detector.detect(np.zeros((576, 1024, 3), np.uint8))
     assert (boxes.shape, scores.shape, classes.shape) == ((0, 4), (0,), (0,))
+
+
+def test_scores_are_calibrated_after_the_threshold_and_boxes_stay_as_they_are():
+    image, layout = np.zeros((576, 1024, 3), np.uint8), SearchlightLayout(512, 288)
+    plain = Detector(FakeSession(), layout, 0.3).detect(image)
+    calibration = Calibration(scale=2.0, offset=0.0)
+    boxes, scores, _ = Detector(FakeSession(), layout, 0.3, calibration).detect(image)
+    np.testing.assert_array_equal(boxes, plain[0])
+    np.testing.assert_allclose(scores, [0.81 / 0.82, 0.5], rtol=1e-5)  # odds of 0.9 are 9, squared 81
+
+
+@pytest.mark.parametrize(("part", "place"), [(1, (0, 0)), (0, (0, 0, 2))])
+def test_a_network_that_says_nan_has_not_seen_the_picture(part, place):
+    session = FakeSession()
+    outputs = session.run({"image": np.zeros((1, 288, 512, 3))})
+    outputs[part][place] = np.nan
+    session.run = lambda _: outputs
+    with pytest.raises(NotFiniteError):
+        Detector(session, SearchlightLayout(512, 288), 0.3).detect(np.zeros((576, 1024, 3), np.uint8))
+
+
+def test_a_box_that_would_not_be_reported_may_be_nan():
+    session = FakeSession()
+    outputs = session.run({"image": np.zeros((1, 288, 512, 3))})
+    outputs[0][0, 3] = np.inf
+    session.run = lambda _: outputs
+    boxes, _, _ = Detector(session, SearchlightLayout(512, 288), 0.3).detect(np.zeros((9, 16, 3), np.uint8))
+    assert len(boxes) == 2
 
 
 @pytest.mark.parametrize("content", [b"", b"this is text, not a network", b"\x08\x07\x12\x04" * 100])

@@ -15,7 +15,7 @@ from pipeline.evaluation import grid as grid_module
 from pipeline.evaluation.cache import Cache
 from pipeline.evaluation.faults import FaultLog
 from pipeline.evaluation.grid import in_processes, plan_grid, run_grid
-from pipeline.evaluation.grid_results import GridResults, cells_of, threshold_of
+from pipeline.evaluation.grid_results import GridResults, cells_of, score_use
 from pipeline.evaluation.read import read_datasets
 from pipeline.evaluation.unit import Found, Model, UnitResult
 
@@ -150,7 +150,8 @@ def test_cells_hold_the_bitrate_obtained_and_the_largest_packet(planned, tmp_pat
     asked, dataset, grid = planned
     found = GridResults(asked, dataset, grid, run(planned, Cache(tmp_path / "c"), result))
     cells = cells_of(found, lambda *_: None)
-    assert threshold_of(found, "nano") == 1.0  # best to report nothing
+    use = score_use(found, "nano")
+    assert (use.threshold, use.calibration) == (1.0, None)  # best to report nothing
     assert len(cells) == 5
     frames = sum(len(u.kept) for u in grid.units if u.condition == grid.conditions[1])
     assert cells[1].obtained_bps == pytest.approx(8 * 2 * 1000 / (frames / 30.0))

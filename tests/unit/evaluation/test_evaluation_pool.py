@@ -6,10 +6,10 @@ import pytest
 import yaml
 from made_up import BITRATES, CODECS, results, timing
 
-from pipeline.config.pool import load_pool
+from pipeline.config.pool import Calibration, load_pool
 from pipeline.errors import InputError
 from pipeline.evaluation.pool_file import write_pool
-from pipeline.evaluation.pool_tools import differences, merge, shown
+from pipeline.evaluation.pool_tools import assume, differences, merge, shown
 
 
 @pytest.fixture
@@ -116,6 +116,43 @@ def test_pools_that_contradict_each_other_are_not_merged(pool_file, tmp_path):
     with pytest.raises(InputError, match=r"other.yaml detectors.tiny.accuracy"):
         merge([pool_file, other], tmp_path / "merged.yaml")
     assert not (tmp_path / "merged.yaml").exists()
+
+
+def test_a_machine_that_was_not_measured_is_assumed_and_the_pool_says_so(pool_file, tmp_path):
+    out = tmp_path / "more" / "assumed.yaml"
+    out.parent.mkdir()
+    assume(pool_file, out, machine="onboard", like="workstation", slower=6.0, detectors=("large",))
+    before, pool = load_pool(pool_file), load_pool(out)
+    (large,) = pool.detectors
+    measured, assumed = large.times
+    assert (measured.machine, assumed.machine) == ("workstation", "onboard")
+    assert (assumed.mean, assumed.maximum) == pytest.approx((6 * measured.mean, 6 * measured.maximum))
+    assert pool.assumed == ("machine type onboard: 6 times as slow as workstation, which was measured",)
+    assert large.model.resolve() == before.detectors[1].model.resolve()
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"machine": "workstation"}, "workstation, which is measured"),
+        ({"like": "abacus"}, "no abacus.*one of workstation"),
+        ({"detectors": ("huge",)}, "no huge.*one of large, tiny"),
+    ],
+)
+def test_assumptions_without_ground_are_refused(pool_file, tmp_path, changes, message):
+    asked = {"machine": "onboard", "like": "workstation", "slower": 6.0} | changes
+    with pytest.raises(InputError, match=message):
+        assume(pool_file, tmp_path / "out.yaml", **asked)
+    assert not (tmp_path / "out.yaml").exists()
+
+
+def test_the_calibration_of_scores_is_in_the_pool(tmp_path):
+    found = results()
+    first = found.detectors[0].model_copy(update={"calibration": Calibration(scale=2.0, offset=0.5)})
+    write_pool(tmp_path / "pool.yaml", found.model_copy(update={"detectors": (first, found.detectors[1])}))
+    tiny, large = load_pool(tmp_path / "pool.yaml").detectors
+    assert (tiny.calibration.scale, tiny.calibration.offset) == (2.0, 0.5)
+    assert large.calibration is None
 
 
 def test_differences_are_named_and_there_are_none_between_equals(pool_file, tmp_path):

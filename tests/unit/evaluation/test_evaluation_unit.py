@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pipeline.detection import Detector
 from pipeline.errors import InputError
 from pipeline.evaluation import unit as unit_module
 from pipeline.evaluation.cache import Cache
@@ -76,8 +77,9 @@ def test_without_a_codec_the_pictures_are_looked_at_in_the_wanted_size(unit):
 
 
 def test_numbers_that_are_not_finite_are_counted_and_left_out(unit, monkeypatch):
-    class Broken:
-        score_threshold = 0.3
+    class Broken(Detector):
+        def __init__(self):
+            super().__init__(session=None, layout=None, score_threshold=0.3)
 
         def candidates(self, image):
             boxes = np.array([[1.0, 1, 5, 5], [np.nan, 1, 5, 5], [1, 1, 5, 5], [np.inf, 1, 5, 5]])
