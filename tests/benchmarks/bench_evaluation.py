@@ -17,6 +17,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from fractions import Fraction
 from pathlib import Path
 
 import av
@@ -121,7 +122,7 @@ def five_minutes(dataset: DataSet, folder: Path) -> None:
         stream.width, stream.height, stream.pix_fmt = 1024, 576, "yuv420p"
         stream.options = {"preset": "veryfast", "crf": "16"}
         for index, (frame, picture) in zip(range(FIVE_MINUTES), _again_and_again(dataset), strict=False):
-            frame.pts, frame.time_base, frame.pict_type = index, None, 0
+            frame.pts, frame.time_base, frame.pict_type = index, Fraction(1, 30), 0
             for packet in stream.encode(frame):
                 video.mux(packet)
             if picture is None:
