@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 import yaml
 from made_up import BITRATES, CODECS, results, timing
 
 from pipeline.config.pool import Calibration, load_pool
 from pipeline.errors import InputError
+from pipeline.evaluation.dataset import sha256_of_file
 from pipeline.evaluation.pool_file import write_pool
 from pipeline.evaluation.pool_tools import assume, differences, merge, shown
+
+POOLS = Path(__file__).parents[3] / "configs/pools"
 
 
 @pytest.fixture
@@ -56,12 +61,20 @@ def test_what_allocation_could_not_use_is_not_written(tmp_path):
         assert not list(tmp_path.iterdir())
 
 
-def test_a_pool_of_today_reads_as_before():
-    from pathlib import Path
-
-    for name in ("demo", "paper"):
-        pool = load_pool(Path(__file__).parents[3] / f"configs/pools/{name}.yaml")
+def test_a_pool_without_the_finer_figures_reads_as_before():
+    for name in ("paper-allocation", "paper"):
+        pool = load_pool(POOLS / f"{name}.yaml")
         assert all(d.accuracy_by_size == () and d.sharing == () for d in pool.detectors)
+
+
+@pytest.mark.parametrize("name", ["demo", "simulated"])
+def test_the_shipped_pools_were_measured_with_the_shipped_detectors(name):
+    pool = load_pool(POOLS / f"{name}.yaml")
+    for d in pool.detectors:
+        assert d.sha256 == sha256_of_file(d.model)
+        assert d.calibration is not None
+        assert {s.detectors for s in d.sharing} == {2, 3}
+    assert "simulated-scene accuracy" in pool.provenance["accuracy"]
 
 
 @pytest.mark.parametrize(
