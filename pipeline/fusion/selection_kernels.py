@@ -39,27 +39,27 @@ def select(  # type: ignore[no-untyped-def]
     (>=N,), get row, column and distance of the centre, metres. Returns how many.
     """
     row, column, bits = window
-    to_pixels = _to_pixels(toward_camera, lens)
-    head = object_height * to_pixels[:, 2]
-    bent, lying, bounded = lens[4:].any(), 0.5 * object_height, object_height > 0.0
+    column_bits = (1 << bits) - 1
+    place_x, place_y, place_up = position
+    east, north, rise = _to_pixels(toward_camera, lens)
+    bent, whole = lens[4:].any(), object_height > 0.0
+    left, right, top, bottom = -np.inf, -np.inf, -np.inf, -np.inf
+    if whole and not bent:
+        left, right, top, bottom = _borders(rise, object_height, lens, picture)
     kept = 0
     for i in range(seen.size):
-        r, c = row + (seen[i] >> bits), column + (seen[i] & ((1 << bits) - 1))
-        x, y, up = c - position[0], r - position[1], heights[r, c] - position[2]
+        r, c = row + (seen[i] >> bits), column + (seen[i] & column_bits)
+        x, y, up = c - place_x, r - place_y, heights[r, c] - place_up
         distance = math.sqrt((x * x + y * y) * cell_m * cell_m + up * up)
+        u = x * east[0] + y * north[0] + up * rise[0]
+        v = x * east[1] + y * north[1] + up * rise[1]
+        z = x * east[2] + y * north[2] + up * rise[2]
         good = distance <= max_distance
-        u = x * to_pixels[0, 0] + y * to_pixels[0, 1] + up * to_pixels[0, 2]
-        v = x * to_pixels[1, 0] + y * to_pixels[1, 1] + up * to_pixels[1, 2]
-        z = x * to_pixels[2, 0] + y * to_pixels[2, 1] + up * to_pixels[2, 2]
-        if bounded:
-            head_u, head_v, head_z = u + head[0], v + head[1], z + head[2]
-            if bent:
-                head_u, head_v = _bend(head_u, head_v, head_z, lens)
-            good &= _inside(head_u, head_v, head_z, 0.0, 0.0, picture)
+        good &= (u >= left) & (picture[0] * z - u >= right) & (v >= top) & (picture[1] * z - v >= bottom)
         if bent:
+            if whole:
+                good &= _is_whole_bent(u, v, z, rise, object_height, lens, picture)
             u, v = _bend(u, v, z, lens)
-        if bounded:
-            good &= _inside(u, v, z, lying * lens[0], lying * lens[1], picture)
         for j in range(boxes.shape[0]):
             good &= (
                 (u < boxes[j, 0] * z) | (u > boxes[j, 2] * z) | (v < boxes[j, 1] * z) | (v > boxes[j, 3] * z)
@@ -72,22 +72,41 @@ def select(  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, error_model="numpy")
 def _to_pixels(toward_camera, lens):  # type: ignore[no-untyped-def]
-    """toward_camera, but to the homogeneous pixels of the lens without its distortion."""
-    to_pixels = np.empty((3, 3))
-    to_pixels[0] = lens[0] * toward_camera[0] + lens[2] * toward_camera[2]
-    to_pixels[1] = lens[1] * toward_camera[1] + lens[3] * toward_camera[2]
-    to_pixels[2] = toward_camera[2]
-    return to_pixels
+    """Homogeneous pixels (3,) per cell east, per cell north, per metre up; the lens without distortion."""
+    a, b, c = toward_camera
+    u, v = lens[0] * a + lens[2] * c, lens[1] * b + lens[3] * c
+    return (u[0], v[0], c[0]), (u[1], v[1], c[1]), (u[2], v[2], c[2])
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _inside(u, v, z, margin_u, margin_v, picture):  # type: ignore[no-untyped-def]
-    """Whether a homogeneous pixel lies at least margin_u / z and margin_v / z pixels inside the picture."""
+def _borders(rise, height, lens, picture):  # type: ignore[no-untyped-def]
+    """The least U, width Z - U, V and height Z - V of a foot whose object is whole, standing and lying."""
+    u, v, z = height * rise[0], height * rise[1], height * rise[2]
+    lying_u, lying_v = 0.5 * height * lens[0], 0.5 * height * lens[1]
     return (
-        (u >= margin_u)
-        & (u <= picture[0] * z - margin_u)
-        & (v >= margin_v)
-        & (v <= picture[1] * z - margin_v)
+        max(lying_u, -u),
+        max(lying_u, u - picture[0] * z),
+        max(lying_v, -v),
+        max(lying_v, v - picture[1] * z),
+    )
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _is_whole_bent(u, v, z, rise, height, lens, picture):  # type: ignore[no-untyped-def]
+    """The same through a distorted lens, foot and head one after the other."""
+    head_z = z + height * rise[2]
+    head_u, head_v = _bend(u + height * rise[0], v + height * rise[1], head_z, lens)
+    u, v = _bend(u, v, z, lens)
+    lying_u, lying_v = 0.5 * height * lens[0], 0.5 * height * lens[1]
+    return (
+        (u >= lying_u)
+        & (u <= picture[0] * z - lying_u)
+        & (v >= lying_v)
+        & (v <= picture[1] * z - lying_v)
+        & (head_u >= 0.0)
+        & (head_u <= picture[0] * head_z)
+        & (head_v >= 0.0)
+        & (head_v <= picture[1] * head_z)
     )
 
 

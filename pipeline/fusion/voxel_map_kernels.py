@@ -33,16 +33,17 @@ def observe(  # type: ignore[no-untyped-def]
     negative, pod = strength
     max_distance, resolution = reach
     low, high = limits
+    per_m = 1.0 / max_distance
     for i in range(seen.shape[1]):
         r, c, distance = seen[0, i], seen[1, i], distances[i]
         if distance > max_distance or not owned[r >> TILE_BITS, c >> TILE_BITS]:
             continue
         touched[r >> TILE_BITS, c >> TILE_BITS] = True
         cell = cells[_flat(r, c, touched.shape[1])]
-        factor = 1.0 - distance / max_distance
+        factor = 1.0 - distance * per_m
         if not _among(r, c, raised):
-            p = max(0.5 - factor * negative, 1e-9)
-            cell.log_odds = min(max(cell.log_odds + math.log(p / (1.0 - p)), low), high)
+            less = min(factor * negative, 0.5 - 1e-9)
+            cell.log_odds = min(max(cell.log_odds + math.log((0.5 - less) / (0.5 + less)), low), high)
             cell.observations += 1
         _note_look(cell, pod * factor, resolution / distance, time)
     for i in range(raised.shape[1]):  # they may lie behind their box, but they were seen

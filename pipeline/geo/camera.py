@@ -36,7 +36,9 @@ class Camera:
             for _ in range(20):
                 xt, yt = self._distort(x, y)
                 x, y = x + (xd - xt), y + (yd - yt)
-        return np.stack([x, y, np.ones_like(x)], axis=1)
+        rays = np.ones((len(pixels), 3))
+        rays[:, 0], rays[:, 1] = x, y
+        return rays
 
     def project_enu(self, points_enu: FloatArray, pose: CameraPose) -> FloatArray:
         """Pixels (N, 2) of points (N, 3) in the map frame."""
@@ -44,8 +46,9 @@ class Camera:
 
     def rays_enu(self, pixels: FloatArray, pose: CameraPose) -> FloatArray:
         """Unit directions (N, 3) in the map frame of pixels (N, 2)."""
-        rays = self.rays(pixels) @ pose.enu_from_camera.T
-        return np.asarray(rays / np.sqrt((rays * rays).sum(axis=1, keepdims=True)), dtype=np.float64)
+        rays: FloatArray = self.rays(pixels) @ pose.enu_from_camera.T
+        rays /= np.sqrt(np.einsum("ij,ij->i", rays, rays))[:, None]
+        return rays
 
     def _distort(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
         k1, k2, p1, p2, k3 = self.distortion
