@@ -74,6 +74,14 @@ def test_from_an_evaluation_file_to_pool_tables_and_report(small_mission, tmp_pa
     other = ROOT / "configs/pools/paper.yaml"
     assert searchlight(monkeypatch, "pool", "merge", out / "pool.yaml", other, "--out", merged) == 0
     assert len(load_pool(merged).detectors) == 1 + len(load_pool(other).detectors)
+    carried, slower = (
+        tmp_path / "carried.yaml",
+        ("--machine", "onboard", "--like", "workstation", "--slower", 6),
+    )
+    assert searchlight(monkeypatch, "pool", "assume", out / "pool.yaml", *slower, "--out", carried) == 0
+    assert [t.machine for t in load_pool(carried).detectors[0].times] == ["workstation", "onboard"]
+    assert searchlight(monkeypatch, "pool", "assume", out / "pool.yaml", *slower, "--out", carried) == 2
+    assert "carried.yaml: found a file that is there already" in capsys.readouterr().err.replace("\n", "")
 
 
 @pytest.fixture
