@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import queue
 import threading
 import time
@@ -13,7 +14,7 @@ import numpy as np
 from pipeline.allocation.plan import Assignment
 from pipeline.config.mission import Codec
 from pipeline.config.pool import PoolDetector
-from pipeline.detection import open_pool_detector
+from pipeline.detection import NotFiniteError, open_pool_detector
 from pipeline.errors import SearchlightError, failure
 from pipeline.link.channel import LinkSender, Receiver
 from pipeline.messages import EndOfStream, Message, Packet
@@ -60,7 +61,8 @@ class MachineActor:
         for a in assignments:
             detector = open_pool_detector(detectors[a.pool_detector])
             # the first picture takes longer than all others: not while the drone flies
-            detector.detect(np.zeros((576, 1024, 3), dtype=np.uint8))
+            with contextlib.suppress(NotFiniteError):  # of a black picture; frames are dropped and counted
+                detector.detect(np.zeros((576, 1024, 3), dtype=np.uint8))
             stage = DetectorStage(detector, a.codec or self._codec)
             waiting: queue.Queue[tuple[int, Message]] = queue.Queue(QUEUE_PACKETS)
             self._queues[a.stream, a.detector] = waiting

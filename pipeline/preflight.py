@@ -59,12 +59,7 @@ class PreparedMission:
     def runnable(self, pool_detector: str) -> PoolDetector:
         """A pool detector that has a model."""
         detector = next(d for d in self.pool.detectors if d.id == pool_detector)
-        if detector.model is None:
-            raise InputError(
-                f"{self.mission.pool} {pool_detector}.model",
-                "nothing",
-                "an ONNX file: this detector can only be planned with",
-            )
+        detector.require_model(f"{self.mission.pool} {pool_detector}.model")
         return detector
 
 

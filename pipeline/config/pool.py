@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 from pipeline.config.base import Strict, load, mismatch, refuse_repeated
 from pipeline.config.mission import Codec
 from pipeline.config.units import Bitrate, Bytes, PositiveSeconds
+from pipeline.errors import InputError
 
 Accuracy = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
 
@@ -101,6 +102,12 @@ class PoolDetector(Strict):
     accuracy_by_codec: tuple[AccuracyWithCodec, ...] = ()
     accuracy_by_context: tuple[AccuracyInContext, ...] = ()
     sha256: str | None = Field(default=None, pattern=r"^[0-9a-f]{64}$")
+
+    def require_model(self, where: object) -> Path:
+        """The ONNX file. where: for the message of the InputError if there is none."""
+        if self.model is None:
+            raise InputError(where, "nothing", "an ONNX file: this detector can only be planned with")
+        return self.model
 
     @model_validator(mode="after")
     def _rows_are_unique(self) -> PoolDetector:

@@ -93,8 +93,5 @@ def load_detector(
 
 def open_pool_detector(detector: PoolDetector) -> Detector:
     """A detector of the pool, as the pool says that it is used. Raises InputError as load_detector does."""
-    if detector.model is None:
-        raise InputError(f"{detector.id}.model", "nothing", "an ONNX file: it can only be planned with")
-    return load_detector(
-        detector.model, score_threshold=detector.score_threshold, calibration=detector.calibration
-    )
+    model = detector.require_model(f"{detector.id}.model")
+    return load_detector(model, score_threshold=detector.score_threshold, calibration=detector.calibration)

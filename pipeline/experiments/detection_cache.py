@@ -68,8 +68,7 @@ def _key(prepared: PreparedMission, chosen: Plan) -> str:
         digest.update(s.path.read_bytes())
     for detector in sorted({a.pool_detector for a in chosen.assignments}):
         used = prepared.runnable(detector)
-        assert used.model is not None
-        digest.update(used.model.read_bytes())
+        digest.update(used.require_model(detector).read_bytes())
         digest.update(repr((used.score_threshold, used.calibration)).encode())
     return digest.hexdigest()
 
