@@ -49,7 +49,8 @@ def simulate(
 @app.command()
 def check(mission: Annotated[Path, typer.Argument(help="The mission file (YAML).")]) -> None:
     """Find everything that would keep a mission from running, without running it."""
-    from pipeline.preflight import plan, prepare
+    from pipeline.mission.planning import plan
+    from pipeline.mission.prepared import prepare
 
     prepared = prepare(mission, thorough=True)
     result = plan(prepared)
@@ -79,10 +80,11 @@ def run(
 ) -> None:
     """Detect, fuse and map: from video files to the people found."""
     from actors.mission import RunOptions, run_on_ray
-    from pipeline.local import run_local
-    from pipeline.outputs.safe_write import check_run_directory
-    from pipeline.preflight import plan, prepare
-    from pipeline.publish import publish
+    from pipeline.mission.local import run_local
+    from pipeline.mission.planning import plan
+    from pipeline.mission.prepared import prepare
+    from pipeline.mission.run_directory import write_run_directory
+    from pipeline.storage.whole_or_nothing import check_run_directory
 
     check_run_directory(out)
     prepared = prepare(mission)
@@ -92,7 +94,7 @@ def run(
         else:
             options = RunOptions(pace.value, address, metrics_port, metrics_host)
             finished = run_on_ray(prepared, options, progress, _say)
-    summary = publish(prepared, finished, out)
+    summary = write_run_directory(prepared, finished, out)
     _print_people(summary)
     _say(f"{summary.video_seconds:.1f} s of video in {summary.seconds:.1f} s; see {out / 'report.html'}")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import secrets
 import shutil
@@ -24,14 +25,14 @@ def cluster(address: str | None, sites: Iterable[str]) -> Iterator[str]:
     import ray
 
     try:
-        ray.init(address=address, log_to_driver=False, logging_level="error", namespace="searchlight")
+        ray.init(address=address, log_to_driver=False, logging_level=logging.ERROR, namespace="searchlight")
     except (ConnectionError, ValueError, RuntimeError) as error:
         raise InputError(
             "--address", f"{address} ({str(error).splitlines()[0]})", "the address of a running Ray cluster"
         ) from None
     try:
-        require_sites(sites, ray.cluster_resources(), address)
-        yield ray.util.get_node_ip_address()
+        require_sites(sites, ray.cluster_resources(), address)  # type: ignore[no-untyped-call]
+        yield ray.util.get_node_ip_address()  # type: ignore[no-untyped-call]
     finally:
         ray.shutdown()
 
@@ -55,7 +56,7 @@ def _local(sites: tuple[str, ...]) -> Iterator[str]:
             resources=all_sites(sites),
             include_dashboard=False,
             log_to_driver=False,
-            logging_level="error",
+            logging_level=logging.ERROR,
             namespace="searchlight",
             _node_ip_address="127.0.0.1",
             _temp_dir=folder,

@@ -8,8 +8,8 @@ from functools import partial
 from typing import Any
 
 from actors.cluster import cluster
-from pipeline.evaluation.grid import Execute
-from pipeline.evaluation.unit import Unit, UnitResult, work
+from pipeline.evaluation.measuring.grid import Execute
+from pipeline.evaluation.measuring.work_unit import Unit, UnitResult, work
 
 
 def on_cluster(address: str | None) -> Execute:

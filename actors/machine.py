@@ -12,14 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.allocation.plan import Assignment
-from pipeline.config.mission import Codec
 from pipeline.config.pool import PoolDetector
 from pipeline.detection import NotFiniteError, open_pool_detector
 from pipeline.errors import SearchlightError, failure
 from pipeline.link.channel import LinkSender, Receiver
+from pipeline.link.codec import Codec
 from pipeline.messages import EndOfStream, Message, Packet
-from pipeline.stages.detector import DetectorStage
-from pipeline.stages.virtual_link import unlimited
+from pipeline.mission.stages.detector import DetectorStage
+from pipeline.mission.stages.virtual_link import unlimited
 
 Address = tuple[str, int]
 #: packets that may wait for one detector; the sender's link feels what is above

@@ -14,7 +14,7 @@ from prometheus_client.registry import Collector
 from actors.reducer import ReducerStatus
 from actors.source import SourceStatus
 from pipeline.allocation.plan import Plan
-from pipeline.stages.reducer import LATENCY_BUCKETS_S
+from pipeline.mission.stages.reducer import LATENCY_BUCKETS_S
 
 
 @dataclass(frozen=True)

@@ -17,9 +17,9 @@ from actors.site import placement
 from actors.source import Pace, SourceActor
 from pipeline.allocation.plan import Plan
 from pipeline.errors import RunFailedError, SearchlightError
-from pipeline.local import FinishedRun, bandwidth
-from pipeline.preflight import PreparedMission
-from pipeline.stages.reducer import ReducerStage
+from pipeline.mission.local import FinishedRun, bandwidth
+from pipeline.mission.prepared import PreparedMission
+from pipeline.mission.stages.reducer import ReducerStage
 
 #: how often the actors are asked how they are, seconds
 POLL_S = 0.25

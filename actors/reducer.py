@@ -10,12 +10,12 @@ import numpy as np
 
 from pipeline.allocation.plan import Plan
 from pipeline.errors import SearchlightError, failure
+from pipeline.ingest.track import pose_at
 from pipeline.link.channel import Receiver
-from pipeline.local import make_reducer
 from pipeline.messages import Detections, Message
-from pipeline.preflight import PreparedMission
-from pipeline.stages.reducer import HopHistogram, ReducerStage
-from pipeline.telemetry.track import pose_at
+from pipeline.mission.local import make_reducer
+from pipeline.mission.prepared import PreparedMission
+from pipeline.mission.stages.reducer import HopHistogram, ReducerStage
 
 Address = tuple[str, int]
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from pipeline.allocation.plan import Plan
-from pipeline.preflight import PreparedMission, plan
+from pipeline.mission.planning import plan
+from pipeline.mission.prepared import PreparedMission
 
 
 class SchedulerActor:

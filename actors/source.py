@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
 from pipeline.allocation.plan import Assignment
 from pipeline.errors import SearchlightError, failure
 from pipeline.link.channel import LinkSender
-from pipeline.local import MAX_BACKLOG_S
 from pipeline.messages import Message
-from pipeline.stages.radio_link import RadioLink
-from pipeline.stages.source import SourceCount, SourceStage, StreamInput
-from pipeline.stages.virtual_link import VirtualLink, unlimited
+from pipeline.mission.local import MAX_BACKLOG_S
+from pipeline.mission.stages.radio_link import RadioLink
+from pipeline.mission.stages.source import SourceCount, SourceStage, StreamInput
+from pipeline.mission.stages.virtual_link import VirtualLink, unlimited
 
 Pace = Literal["realtime", "max"]
 Address = tuple[str, int]
@@ -83,7 +83,12 @@ class SourceActor:
         """What became of every frame, as the source knows it; call it when it is finished."""
         return self._stage.count if self._stage else SourceCount()
 
-    def _guard(self, run, addresses, start_time_s) -> None:  # type: ignore[no-untyped-def]
+    def _guard(
+        self,
+        run: Callable[[Mapping[str, Address], float], None],
+        addresses: Mapping[str, Address],
+        start_time_s: float,
+    ) -> None:
         try:
             run(addresses, start_time_s)
             self._frames_done = self._stream.video.frames

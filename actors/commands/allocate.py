@@ -89,7 +89,7 @@ def _replan(problem: Problem, running: Path, loss: float, limit_s: float) -> Pla
 def _write(problem: Problem, plan: Plan, out: Path) -> None:
     from pipeline.allocation.gantt import gantt_png
     from pipeline.allocation.plan import plan_to_json
-    from pipeline.outputs.safe_write import make_folder, write_bytes, write_text
+    from pipeline.storage.whole_or_nothing import make_folder, write_bytes, write_text
 
     make_folder(out)
     write_bytes(out / "schedule.png", gantt_png(problem, plan))

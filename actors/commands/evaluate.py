@@ -42,7 +42,7 @@ def evaluate(
     ] = None,
 ) -> None:
     """Measure detectors under codecs, bitrates and setups; write a pool and a report."""
-    from pipeline.evaluation.grid import in_processes
+    from pipeline.evaluation.measuring.grid import in_processes
     from pipeline.evaluation.run import evaluate as run
 
     execute = in_processes(workers or os.cpu_count() or 1)
@@ -67,7 +67,7 @@ def score(
     results: Annotated[Path, typer.Argument(help="Detections, COCO's list of results (JSON).")],
 ) -> None:
     """AP, AR and LRP of detections that are there already."""
-    from pipeline.evaluation.score import score_files
+    from pipeline.evaluation.metrics.score import score_files
 
     classes, sizes = score_files(truth, results)
     print_table(classes)
@@ -82,9 +82,9 @@ def convert_annotations(
 ) -> None:
     """MOT or VisDrone annotations to COCO JSON; file names are relative to the folder."""
     from pipeline.config.evaluation import FaultPolicy
-    from pipeline.evaluation.converters import converted
-    from pipeline.evaluation.faults import FaultLog
-    from pipeline.outputs.safe_write import write_text
+    from pipeline.evaluation.datasets.converters import converted
+    from pipeline.evaluation.datasets.fault_log import FaultLog
+    from pipeline.storage.whole_or_nothing import write_text
 
     document = converted(kind.value, folder, FaultLog(FaultPolicy()))
     try:

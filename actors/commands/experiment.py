@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from actors.terminal import progress_bars, say
-from pipeline.outputs.safe_write import make_folder
+from pipeline.storage.whole_or_nothing import make_folder
 
 app = typer.Typer(no_args_is_help=True, help="The paper's experiments, its figures beside ours.")
 

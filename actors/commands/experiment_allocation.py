@@ -11,7 +11,7 @@ import typer
 from actors.commands.tables import print_table
 from actors.terminal import progress_bars, say
 from pipeline.errors import InputError
-from pipeline.outputs.safe_write import make_folder
+from pipeline.storage.whole_or_nothing import make_folder
 
 PoolFile = Annotated[Path, typer.Option(help="The pool of the paper's networks.")]
 

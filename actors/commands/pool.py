@@ -19,7 +19,7 @@ app = typer.Typer(
 def show(pool: Annotated[Path, typer.Argument(help="The pool file (YAML).")]) -> None:
     """Each detector with its accuracy and its costs."""
     from pipeline.config.pool import load_pool
-    from pipeline.evaluation.pool_tools import shown
+    from pipeline.evaluation.pool.pool_tools import shown
 
     loaded = load_pool(pool)
     print_table(shown(loaded))
@@ -34,7 +34,7 @@ def merge(
     out: Annotated[Path, typer.Option(help="The pool file to write; must not exist.")],
 ) -> None:
     """One pool of several: other detectors, or the same ones on other machines."""
-    from pipeline.evaluation.pool_tools import merge as merge_pools
+    from pipeline.evaluation.pool.pool_tools import merge as merge_pools
 
     if len(pools) < 2:
         raise InputError("pools", "one file", "two or more")
@@ -52,7 +52,7 @@ def assume(
     detector: Annotated[list[str] | None, typer.Option(help="Keep this one only; may be repeated.")] = None,
 ) -> None:
     """A pool for a machine that was not measured, and that says so."""
-    from pipeline.evaluation.pool_tools import assume as assume_machine
+    from pipeline.evaluation.pool.pool_tools import assume as assume_machine
 
     _require_new(out)
     assume_machine(pool, out, machine=machine, like=like, slower=slower, detectors=tuple(detector or ()))
@@ -72,7 +72,7 @@ def diff(
 ) -> None:
     """What is different; exit code 1 if anything is."""
     from pipeline.config.pool import load_pool
-    from pipeline.evaluation.pool_tools import differences
+    from pipeline.evaluation.pool.pool_tools import differences
 
     rows = list(differences(load_pool(old), load_pool(new)))
     if rows:

@@ -22,7 +22,7 @@ from pipeline.allocation.master import Rows
 from pipeline.allocation.packing import Stay, Use, pack_group
 from pipeline.allocation.plan import Assignment, Plan, Status, objective
 from pipeline.allocation.problem import OBJECTIVE_RESOLUTION, Problem
-from pipeline.allocation.search import GAP_UNITS, Found, Search
+from pipeline.allocation.proven_optimum import GAP_UNITS, Found, Search
 
 #: a plan this near its bound is optimal: the search's own tolerance, and that of rounding each gain
 GAP_TOLERANCE = 2 * GAP_UNITS * OBJECTIVE_RESOLUTION

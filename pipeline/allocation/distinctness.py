@@ -16,7 +16,7 @@ from pipeline.allocation.aggregation import Kept, aggregate
 from pipeline.allocation.master import Cut
 from pipeline.allocation.packing import Use
 from pipeline.allocation.problem import Problem
-from pipeline.allocation.search import Search
+from pipeline.allocation.proven_optimum import Search
 
 
 @dataclass(frozen=True)

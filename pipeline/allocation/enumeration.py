@@ -16,8 +16,8 @@ from pipeline.allocation.column_generation import Columns
 from pipeline.allocation.configuration import Choice
 from pipeline.allocation.enumeration_kernels import enumerate_pattern
 from pipeline.allocation.pricing import Prices
+from pipeline.allocation.pricing_states import IntArray, States
 from pipeline.allocation.problem import OBJECTIVE_RESOLUTION
-from pipeline.allocation.states import IntArray, States
 
 
 def enumerate_class(

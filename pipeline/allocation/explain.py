@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 from pipeline.allocation import decomposed
-from pipeline.allocation.limits import Limit, Step, limits
+from pipeline.allocation.movable_limits import Limit, Step, limits
 from pipeline.allocation.plan import Plan
 from pipeline.allocation.problem import Problem
 from pipeline.errors import NoPlanError

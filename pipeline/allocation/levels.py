@@ -15,9 +15,10 @@ from typing import Literal
 
 import numpy as np
 
-from pipeline.config.mission import Codec, Processing
+from pipeline.config.mission import Processing
 from pipeline.config.pool import AccuracyAt, Pool, PoolDetector
 from pipeline.errors import InputError
+from pipeline.link.codec import Codec
 
 #: COCO's size classes, pixels: up to, and its name
 _SIZES = ((32.0, "small"), (96.0, "medium"), (math.inf, "large"))

@@ -8,8 +8,8 @@ from dataclasses import asdict, dataclass
 from typing import Any, Literal, get_args
 
 from pipeline.allocation.problem import Problem
-from pipeline.config.mission import Codec
 from pipeline.errors import InputError
+from pipeline.link.codec import Codec
 
 Status = Literal["optimal", "feasible", "infeasible", "unknown"]
 PLAN_COLUMNS = ("stream", "detector", "machine", "site", "every", "first frame", "bitrate", "link use")

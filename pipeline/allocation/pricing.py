@@ -16,8 +16,8 @@ import numpy as np
 from pipeline.allocation.aggregation import FORBIDDEN, Aggregation, StreamClass
 from pipeline.allocation.configuration import Choice
 from pipeline.allocation.pricing_kernels import combine_sites, site_fronts
+from pipeline.allocation.pricing_states import IntArray, States, states_of
 from pipeline.allocation.problem import OBJECTIVE_RESOLUTION
-from pipeline.allocation.states import IntArray, States, states_of
 from pipeline.messages import FloatArray
 
 _FRONT = 64

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal
 
-from pipeline.config.mission import Codec
+from pipeline.link.codec import Codec
 
 MemoryRule = Literal["ram", "one_detector_per_machine"]
 

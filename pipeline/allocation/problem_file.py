@@ -9,7 +9,7 @@ from pipeline.allocation.problem import Problem
 from pipeline.config.inventory import Inventory, load_inventory, require_streams
 from pipeline.config.pool import load_pool
 from pipeline.config.problem import AllocationProblem, PlannedStream
-from pipeline.geo.expected_size import expected_person_px
+from pipeline.sensor.expected_size import expected_person_px
 
 
 def problem_of(stated: AllocationProblem, path: Path) -> Problem:

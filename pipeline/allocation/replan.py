@@ -18,7 +18,7 @@ from pipeline.allocation.decomposed import finished, kept_of, place, without_pla
 from pipeline.allocation.distinctness import Distinctions, Unpacked, tell_apart
 from pipeline.allocation.plan import Assignment, Plan
 from pipeline.allocation.problem import OBJECTIVE_RESOLUTION, Problem
-from pipeline.allocation.search import GAP_UNITS, Found, Search
+from pipeline.allocation.proven_optimum import GAP_UNITS, Found, Search
 
 
 @dataclass(frozen=True)

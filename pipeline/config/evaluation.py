@@ -8,8 +8,9 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from pipeline.config.base import Strict, load, mismatch, refuse_repeated
-from pipeline.config.mission import Codec, Fraction
+from pipeline.config.mission import Fraction
 from pipeline.config.units import Bitrate, Hertz, PositiveSeconds
+from pipeline.link.codec import Codec
 
 Policy = Literal["refuse", "skip"]
 FaultKind = Literal["missing_image", "outside_box", "duplicate_id", "frame_count", "not_finite"]

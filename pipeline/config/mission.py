@@ -22,10 +22,10 @@ from pipeline.config.units import (
     Radians,
     Seconds,
 )
+from pipeline.link.codec import Codec
 
 Fraction = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
 HalfFraction = Annotated[float, Field(ge=0.0, le=0.5, allow_inf_nan=False)]
-Codec = Literal["h264", "h265", "vp9", "av1"]
 Datum = Literal["ellipsoid", "geoid"]
 SignificantPoint = Literal["bottom_center", "center"]
 #: width and height of a standing person, metres

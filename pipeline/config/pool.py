@@ -8,9 +8,9 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from pipeline.config.base import Strict, load, mismatch, refuse_repeated
-from pipeline.config.mission import Codec
 from pipeline.config.units import Bitrate, Bytes, PositiveSeconds
 from pipeline.errors import InputError
+from pipeline.link.codec import Codec
 
 Accuracy = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
 

@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.config.pool import Calibration, PoolDetector
-from pipeline.detection.calibration import calibrated
 from pipeline.detection.layouts import LAYOUTS, recognise
 from pipeline.detection.layouts.base import Layout
 from pipeline.detection.nms import non_maximum_suppression
 from pipeline.detection.session import Session
 from pipeline.errors import InputError
 from pipeline.messages import FloatArray
+from pipeline.sensor.calibration import calibrated
 
 
 class NotFiniteError(Exception):

@@ -10,24 +10,24 @@ from pathlib import Path
 from pipeline.config.evaluation import EvaluatedDetector, Evaluation, load_evaluation
 from pipeline.detection import load_detector
 from pipeline.errors import InputError
-from pipeline.evaluation.cache import Cache
-from pipeline.evaluation.dataset import require_aspect, sha256_of_file
-from pipeline.evaluation.examples import Example, examples
-from pipeline.evaluation.faults import FaultLog
-from pipeline.evaluation.grid import Execute, Progress, plan_grid, run_grid
-from pipeline.evaluation.grid_results import GridResults, cells_of, score_use
-from pipeline.evaluation.own_folder import CACHE, check_evaluation_directory, evaluation_directory
-from pipeline.evaluation.pool_file import write_pool
-from pipeline.evaluation.precision import in_precision
-from pipeline.evaluation.provenance import provenance
-from pipeline.evaluation.read import read_datasets
-from pipeline.evaluation.report import render_report, report_figures
-from pipeline.evaluation.results import DetectorFile, Results
-from pipeline.evaluation.setup_timing import SetupTiming
-from pipeline.evaluation.tables import cells_csv, times_csv
-from pipeline.evaluation.timings import timings_of
-from pipeline.evaluation.unit import Model
-from pipeline.outputs.safe_write import write_bytes, write_text
+from pipeline.evaluation.datasets.dataset import require_aspect, sha256_of_file
+from pipeline.evaluation.datasets.fault_log import FaultLog
+from pipeline.evaluation.datasets.read_datasets import read_datasets
+from pipeline.evaluation.evaluation_folder import CACHE, check_evaluation_directory, evaluation_directory
+from pipeline.evaluation.measuring.cache import Cache
+from pipeline.evaluation.measuring.grid import Execute, Progress, plan_grid, run_grid
+from pipeline.evaluation.measuring.grid_results import GridResults, cells_of, score_use
+from pipeline.evaluation.measuring.precision import in_precision
+from pipeline.evaluation.measuring.setup_timing import SetupTiming
+from pipeline.evaluation.measuring.timings import timings_of
+from pipeline.evaluation.measuring.work_unit import Model
+from pipeline.evaluation.pool.pool_file import write_pool
+from pipeline.evaluation.report.examples import Example, examples
+from pipeline.evaluation.report.provenance import provenance
+from pipeline.evaluation.report.report import render_report, report_figures
+from pipeline.evaluation.report.results import DetectorFile, Results
+from pipeline.evaluation.report.tables import cells_csv, times_csv
+from pipeline.storage.whole_or_nothing import write_bytes, write_text
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ from pathlib import Path
 from pipeline.experiments.allocation_times import REPEATS, CellResult
 from pipeline.experiments.literal_process import Answer
 from pipeline.experiments.paper_tables import CELLS, printed_size
-from pipeline.outputs.safe_write import write_text
+from pipeline.storage.whole_or_nothing import write_text
 
 COLUMNS = (
     "dps",

@@ -15,7 +15,7 @@ from pipeline.errors import InputError
 from pipeline.experiments.literal_process import Answer, solve_literal
 from pipeline.experiments.paper_instance import PaperInstance
 from pipeline.experiments.paper_tables import CELLS, Cell
-from pipeline.outputs.safe_write import write_text
+from pipeline.storage.whole_or_nothing import write_text
 
 Progress = Callable[[str, int, int, str], None]
 

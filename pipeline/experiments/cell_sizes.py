@@ -22,9 +22,9 @@ from pipeline.experiments.refusion import Fused, fuse_again, prepare_with_truth
 from pipeline.fusion.localization import mean_intersection
 from pipeline.fusion.salient import looks_by_location
 from pipeline.messages import Detections, FloatArray
+from pipeline.mission.prepared import PreparedMission, prepare
 from pipeline.outputs.map_picture import draw_map
 from pipeline.outputs.truth import distance_to_track_m
-from pipeline.preflight import PreparedMission, prepare
 
 CELLS_M = (1.0, 0.5, 0.25)
 #: position errors of the paper, metres, and what is asked here

@@ -14,11 +14,12 @@ import msgpack
 
 from pipeline.allocation.plan import Plan
 from pipeline.errors import ProtocolError
-from pipeline.local import process
+from pipeline.ingest.track import pose_at
 from pipeline.messages import Detections, Message, pack, unpack
-from pipeline.outputs.safe_write import write_bytes
-from pipeline.preflight import PreparedMission, plan
-from pipeline.telemetry.track import pose_at
+from pipeline.mission.local import process
+from pipeline.mission.planning import plan
+from pipeline.mission.prepared import PreparedMission
+from pipeline.storage.whole_or_nothing import write_bytes
 
 #: name of what is under way, steps done, steps in all
 Progress = Callable[[str, int, int], None]

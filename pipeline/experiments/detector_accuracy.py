@@ -20,8 +20,8 @@ from pipeline.experiments.detection_cache import Progress, detections_of
 from pipeline.experiments.experiment_report import Experiment, Measure
 from pipeline.experiments.refusion import Fused, fuse_again, prepare_with_truth
 from pipeline.messages import Detections
+from pipeline.mission.prepared import PreparedMission
 from pipeline.outputs.map_picture import draw_map
-from pipeline.preflight import PreparedMission
 
 NOMINAL = 0.98
 #: frames this far apart are taken; between them nearly nothing changes

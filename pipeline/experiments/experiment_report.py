@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from pipeline.outputs.html import page_environment
 from pipeline.outputs.map_picture import png
-from pipeline.outputs.safe_write import write_bytes, write_text
+from pipeline.storage.whole_or_nothing import write_bytes, write_text
 
 
 @dataclass(frozen=True)

@@ -23,16 +23,16 @@ from pipeline.experiments.experiment_report import Experiment, Measure
 from pipeline.experiments.refusion import fuse_again
 from pipeline.fusion.fuser import Fuser
 from pipeline.geo.terrain import Terrain
+from pipeline.ingest.video.file import read_frames
 from pipeline.messages import Detections, FloatArray
+from pipeline.mission.prepared import PreparedMission, prepare
 from pipeline.outputs.truth import TruePerson, load_truth
-from pipeline.preflight import PreparedMission, prepare
 from pipeline.simulation.mission_writer import write_rehearsal
 from pipeline.simulation.models import MISSION_MODELS
-from pipeline.simulation.people import Person
+from pipeline.simulation.person import Person
 from pipeline.simulation.places import exposure
 from pipeline.simulation.rehearsal import Rehearsal, rehearse
 from pipeline.simulation.scene import clear_of
-from pipeline.video.source import read_frames
 
 NEGATIVE_MAX = (0.05, 0.5)
 _GONE = 0.5

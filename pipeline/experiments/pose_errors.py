@@ -17,13 +17,13 @@ import yaml
 from pipeline.config.mission import Stream, Uncertainty
 from pipeline.config.scenario import PoseNoise
 from pipeline.geo.frame import LocalFrame
-from pipeline.outputs.safe_write import write_text
-from pipeline.preflight import prepare
+from pipeline.ingest.telemetry.dji_srt import read_dji_srt
+from pipeline.ingest.track import Track
+from pipeline.mission.prepared import prepare
 from pipeline.simulation.flight import Flight
 from pipeline.simulation.pose_noise import disturbed
 from pipeline.simulation.srt_writer import dji_srt
-from pipeline.telemetry.dji_srt import read_dji_srt
-from pipeline.telemetry.track import Track
+from pipeline.storage.whole_or_nothing import write_text
 
 #: what does not change during a flight, or hardly: satellite positioning, compass and gimbal, the clocks
 _SLOW = PoseNoise.model_validate(

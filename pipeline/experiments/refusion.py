@@ -11,8 +11,8 @@ from pipeline.errors import InputError
 from pipeline.fusion.fuser import Fuser
 from pipeline.fusion.salient import SalientLocation, salient_locations
 from pipeline.messages import Detections
+from pipeline.mission.prepared import PreparedMission, prepare, terrain_at
 from pipeline.outputs.truth import TruePerson, TruthMatch, load_truth, match_truth
-from pipeline.preflight import PreparedMission, prepare, terrain_at
 
 #: with this many metres a place still belongs to a person: half of how far apart the people of the
 #: experiments' missions are, so that a large error is counted as an error and not as a missed person

@@ -24,14 +24,14 @@ from numpy.typing import NDArray
 
 from pipeline.config.mission import Fusion
 from pipeline.errors import InputError
-from pipeline.fusion.faults import box_fault, is_cut, pose_fault, shape_fault
 from pipeline.fusion.look import Look
-from pipeline.fusion.sensor_model import SensorModel
+from pipeline.fusion.result_faults import box_fault, is_cut, pose_fault, shape_fault
 from pipeline.fusion.visibility import Visibility
 from pipeline.fusion.voxel_map import VoxelMap, log_odds
 from pipeline.geo.camera import Camera
 from pipeline.geo.terrain import Terrain
 from pipeline.messages import Detections, FloatArray
+from pipeline.sensor.model import SensorModel
 
 _NO_BOXES = np.zeros((0, 4))
 

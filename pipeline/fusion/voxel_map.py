@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
-from pipeline.fusion.sensor_model import SensorModel
 from pipeline.fusion.tiles import Tiles, Window
 from pipeline.fusion.voxel_map_kernels import add_clamped, observe
 from pipeline.geo.terrain import Terrain
 from pipeline.messages import FloatArray
+from pipeline.sensor.model import SensorModel
 
 #: Probabilities are kept this far from 0 and 1, so that every log-odds is finite.
 _CERTAINTY = 1e-9

@@ -18,11 +18,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from pipeline.fusion.salient import SalientLocation
-from pipeline.fusion.second_flight import SecondFlight
-from pipeline.fusion.second_look import SecondLookArea
 from pipeline.fusion.voxel_map import VoxelMap
 from pipeline.messages import FloatArray
 from pipeline.outputs.truth import TruePerson
+from pipeline.second_look.areas import SecondLookArea
+from pipeline.second_look.flight import SecondFlight
 
 #: after Okabe and Ito: apart from each other and from the probability's colours, also for the colour-blind
 TRACK_COLORS = ("#0072B2", "#009E73", "#CC79A7", "#56B4E9", "#332288", "#882255")

@@ -9,16 +9,16 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from pipeline.fusion.salient import SalientLocation
-from pipeline.fusion.second_flight import SecondFlight
-from pipeline.fusion.second_look import SecondLookArea
 from pipeline.fusion.voxel_map import VoxelMap
 from pipeline.messages import FloatArray
 from pipeline.outputs.html import page_environment
 from pipeline.outputs.map_picture import map_picture, observed_area_m2, png
-from pipeline.outputs.safe_write import write_text
 from pipeline.outputs.summary import Summary
 from pipeline.outputs.truth import TruePerson, TruthMatch
 from pipeline.outputs.utc import clock_utc, iso_utc
+from pipeline.second_look.areas import SecondLookArea
+from pipeline.second_look.flight import SecondFlight
+from pipeline.storage.whole_or_nothing import write_text
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +26,7 @@ class ReportData:
     """What the report shows.
 
     tracks: positions of each drone, stream -> float64 (N, >=2), ENU metres. truth: empty if not known.
-    schedule: the Gantt picture of the plan. evidence: (id of the found place, PNG of what was seen there).
+    schedule: the Gantt picture of the plan. crops: (id of the found place, PNG of what was seen there).
     second_look: areas worth one, the most worth first. second_flight: over them; its picture.
     """
 
@@ -35,7 +35,7 @@ class ReportData:
     tracks: Mapping[str, FloatArray]
     truth: Sequence[TruePerson]
     schedule: Figure
-    evidence: Sequence[tuple[int, bytes]] = ()
+    crops: Sequence[tuple[int, bytes]] = ()
     second_look: Sequence[SecondLookArea] = ()
     second_flight: SecondFlight | None = None
     second_picture: Figure | None = None
@@ -70,7 +70,7 @@ def render_report(data: ReportData) -> str:
         processed=sum(account.processed for account in summary.streams),
         map_png=png(map_picture(data.voxel_map, data.tracks, summary.locations, data.truth)),
         schedule_png=png(data.schedule),
-        evidence=data.evidence,
+        crops=data.crops,
         second_look=data.second_look,
         second_flight=data.second_flight,
         second_png=None if data.second_picture is None else png(data.second_picture),

@@ -11,7 +11,7 @@ from rasterio.transform import from_origin
 from rasterio.windows import Window
 
 from pipeline.fusion.voxel_map import VoxelMap
-from pipeline.outputs.safe_write import replacing
+from pipeline.storage.whole_or_nothing import replacing
 
 BANDS = (
     ("probability", "1"),

@@ -9,9 +9,9 @@ from typing import Any
 
 from pipeline.fusion.error_ellipse import PROBABILITY, ErrorEllipse
 from pipeline.fusion.salient import SalientLocation
-from pipeline.outputs.safe_write import write_text
 from pipeline.outputs.truth import TruthMatch
 from pipeline.outputs.utc import iso_utc
+from pipeline.storage.whole_or_nothing import write_text
 
 # 8 decimals of a degree are about 1 mm
 _DEGREE_DECIMALS, _METER_DECIMALS = 8, 3

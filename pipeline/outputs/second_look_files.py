@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from pipeline.config.mission import SecondLook
-from pipeline.fusion.second_flight import SecondFlight
-from pipeline.fusion.second_look import SecondLookArea
 from pipeline.geo.frame import LocalFrame
 from pipeline.messages import FloatArray
-from pipeline.outputs.safe_write import write_text
+from pipeline.second_look.areas import SecondLookArea
+from pipeline.second_look.flight import SecondFlight
+from pipeline.storage.whole_or_nothing import write_text
 
 # MAV_CMD, MAV_FRAME, MAV_AUTOPILOT and MAV_TYPE of MAVLink's common message set
 _WAYPOINT, _RETURN, _TAKEOFF, _CHANGE_SPEED, _MOUNT_CONTROL = 16, 20, 22, 178, 205

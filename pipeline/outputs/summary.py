@@ -12,10 +12,10 @@ from typing import Any
 from pipeline.allocation.plan import Plan
 from pipeline.fusion.salient import SalientLocation
 from pipeline.outputs.accounting import StreamAccount
-from pipeline.outputs.safe_write import WRITTEN_BY, write_text
 from pipeline.outputs.salient_geojson import ellipse_json
 from pipeline.outputs.truth import MATCH_RADIUS_M, TruthMatch
 from pipeline.outputs.utc import iso_utc
+from pipeline.storage.whole_or_nothing import WRITTEN_BY, write_text
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ class Summary:
     """A finished run.
 
     seconds: wall time of the run. video_seconds: the longest video. pace: ``realtime`` or ``max``.
-    match: None where the truth is not known. evidence: what the map did not take, reason -> count.
+    match: None where the truth is not known. not_taken: what the map did not take, reason -> count.
     provenance: label -> text, such as versions; never a secret.
     """
 
@@ -98,7 +98,7 @@ class Summary:
     links: Sequence[LinkUse]
     locations: Sequence[SalientLocation]
     match: TruthMatch | None
-    evidence: Mapping[str, int]
+    not_taken: Mapping[str, int]
     provenance: Mapping[str, str]
 
 
@@ -123,7 +123,7 @@ def summary_to_json(summary: Summary) -> dict[str, Any]:
         "links": [_link(link) for link in summary.links],
         "found": [_place(place) for place in summary.locations],
         "truth": None if summary.match is None else _truth(summary.match),
-        "evidence_not_taken": dict(sorted(summary.evidence.items())),
+        "evidence_not_taken": dict(sorted(summary.not_taken.items())),
         "provenance": dict(summary.provenance),
     }
     plain = _finite(content)

@@ -10,7 +10,8 @@ from pipeline.errors import InputError
 from pipeline.messages import FloatArray
 from pipeline.simulation.bodies import BodyModel, body_mesh, footprint_radius
 from pipeline.simulation.models import MISSION_MODELS
-from pipeline.simulation.people import Person, placed
+from pipeline.simulation.people import placed
+from pipeline.simulation.person import Person
 from pipeline.simulation.scene import Scene, clear_of
 from pipeline.simulation.spots import BORDER_M, anywhere, beside_things
 

@@ -12,7 +12,7 @@ from pipeline.geo.camera import Camera
 from pipeline.geo.frame import LocalFrame
 from pipeline.simulation.flight import Flight, plan_flights
 from pipeline.simulation.ground import Extent
-from pipeline.simulation.people import Person
+from pipeline.simulation.person import Person
 from pipeline.simulation.places import mission_people
 from pipeline.simulation.scene import Scene, build_scene
 

@@ -10,7 +10,7 @@ from multiprocessing.pool import AsyncResult, Pool
 import numpy as np
 
 from pipeline.config.scenario import Scenario
-from pipeline.simulation.people import Person
+from pipeline.simulation.person import Person
 from pipeline.simulation.rehearsal import Rehearsal, rehearse
 from pipeline.simulation.renderer import Picture, Renderer
 

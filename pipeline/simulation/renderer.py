@@ -22,7 +22,8 @@ from pipeline.simulation.ground import SOIL_CELL_M, TEXEL_M
 from pipeline.simulation.lighting import CELL_M
 from pipeline.simulation.mesh import Mesh
 from pipeline.simulation.noise import Float32Array
-from pipeline.simulation.people import Person, placed
+from pipeline.simulation.people import placed
+from pipeline.simulation.person import Person
 from pipeline.simulation.scene import Scene
 from pipeline.simulation.shading import expose, rotated, shade_body, shade_static
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,9 +16,7 @@ from pipeline.simulation.lighting import GroundLight, bake_ground, sun_on_vertic
 from pipeline.simulation.mesh import Mesh, merged, rotation_z
 from pipeline.simulation.noise import Float32Array
 from pipeline.simulation.palette import Light, Palette, random_light, random_palette
-
-if TYPE_CHECKING:
-    from pipeline.simulation.people import Person
+from pipeline.simulation.person import Person
 
 _SPLITS = {"train": 1, "mission": 2}
 

@@ -11,7 +11,8 @@ import numpy as np
 
 from pipeline.geo.camera import Camera
 from pipeline.geo.frame import LocalFrame
-from pipeline.simulation.people import Person, reference_point
+from pipeline.simulation.people import reference_point
+from pipeline.simulation.person import Person
 from pipeline.simulation.renderer import VisiblePerson
 from pipeline.simulation.scene import Scene
 

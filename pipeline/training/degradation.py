@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.video.codec import Decoder, Encoder
+from pipeline.link.codec import Decoder, Encoder
 
 _FRAMES = 5
 _FRAME_RATE_HZ = 10.0

@@ -16,9 +16,9 @@ from pathlib import Path
 from pycocotools.coco import COCO
 from pycocotools.cocoeval import COCOeval
 
-from pipeline.evaluation.boxes import FoundBoxes, TrueBoxes, found_boxes, true_boxes
-from pipeline.evaluation.lrp import lrp_curve, mean_optimal_lrp, optimal_lrp
-from pipeline.evaluation.matching import match
+from pipeline.evaluation.metrics.boxes import FoundBoxes, TrueBoxes, found_boxes, true_boxes
+from pipeline.evaluation.metrics.lrp import lrp_curve, mean_optimal_lrp, optimal_lrp
+from pipeline.evaluation.metrics.matching import match
 
 DATA = Path(__file__).resolve().parents[3] / "shared/data/evaluation"
 REPEATS = 5

@@ -23,11 +23,11 @@ import av
 import yaml
 
 from pipeline.config.evaluation import load_evaluation
-from pipeline.evaluation.dataset import DataSet
-from pipeline.evaluation.faults import FaultLog
-from pipeline.evaluation.read import read_datasets
-from pipeline.evaluation.results import load_results
-from pipeline.video.source import decoded_frames
+from pipeline.evaluation.datasets.dataset import DataSet
+from pipeline.evaluation.datasets.fault_log import FaultLog
+from pipeline.evaluation.datasets.read_datasets import read_datasets
+from pipeline.evaluation.report.results import load_results
+from pipeline.ingest.video.file import decoded_frames
 
 ROOT = Path(__file__).resolve().parents[2]
 CODECS = ROOT / "configs/evaluations/codecs.yaml"

@@ -21,11 +21,11 @@ from bench_fusion import CAMERA, fusion_params
 from rasterio.transform import from_origin
 
 from pipeline.fusion.fuser import Fuser
+from pipeline.fusion.map_file import load_map, save_map
 from pipeline.fusion.salient import salient_locations
 from pipeline.geo.pose import enu_from_camera
 from pipeline.geo.terrain import load_terrain
 from pipeline.messages import CameraPose, Detections
-from pipeline.outputs.map_file import load_map, save_map
 from pipeline.outputs.saliency_tif import write_saliency
 
 SIDE_M, CELL_M, SEARCHED_M, LANE_M, STEP_M, UP_M = 10_000.0, 0.5, 1_000.0, 15.0, 1.0, 30.0

@@ -25,7 +25,7 @@ from pipeline.fusion.sharding import shares
 from pipeline.geo.pose import enu_from_camera
 from pipeline.geo.terrain import Terrain
 from pipeline.messages import CameraPose, Detections, EndOfStream, pack, unpack
-from pipeline.stages.reducer import ReducerStage
+from pipeline.mission.stages.reducer import ReducerStage
 
 STREAMS, RATE_HZ, DETECTORS = 50, 10.0, ("gpu:small", "nano:small")
 CELL_M, COPIES, SPEED_MPS = 0.5, 6, 5.0

@@ -174,7 +174,7 @@ def test_an_interrupted_evaluation_says_how_it_goes_on(small_mission, tmp_path, 
     def interrupted(unit):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("pipeline.evaluation.grid.work", interrupted)
+    monkeypatch.setattr("pipeline.evaluation.measuring.grid.work", interrupted)
     file = evaluation(tmp_path, small_mission)
     document = yaml.safe_load(file.read_text())
     del document["timing"]

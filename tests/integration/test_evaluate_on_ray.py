@@ -13,7 +13,7 @@ import pytest
 
 from actors.evaluation_cluster import on_cluster
 from pipeline.errors import InputError
-from pipeline.evaluation.unit import Condition, Model, Unit, work
+from pipeline.evaluation.measuring.work_unit import Condition, Model, Unit, work
 
 NANO = Path(__file__).resolve().parents[2] / "configs/detectors/nano.onnx"
 

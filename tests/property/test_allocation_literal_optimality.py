@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from pipeline.allocation import literal
 from pipeline.allocation.explain import clashing_limits
-from pipeline.allocation.limits import limits
+from pipeline.allocation.movable_limits import limits
 from pipeline.allocation.problem import Detector, MachineLimit, Problem
 from pipeline.allocation.validate import validate
 

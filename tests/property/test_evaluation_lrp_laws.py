@@ -8,9 +8,9 @@ from collections import namedtuple
 import numpy as np
 import pytest
 
-from pipeline.evaluation.boxes import FoundBoxes, TrueBoxes, found_boxes, true_boxes
-from pipeline.evaluation.lrp import lrp_curve, optimal_lrp
-from pipeline.evaluation.matching import AREAS, match
+from pipeline.evaluation.metrics.boxes import FoundBoxes, TrueBoxes, found_boxes, true_boxes
+from pipeline.evaluation.metrics.lrp import lrp_curve, optimal_lrp
+from pipeline.evaluation.metrics.matching import AREAS, match
 
 True1 = namedtuple("True1", "image category bbox area crowd")
 Found1 = namedtuple("Found1", "image category bbox score")

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from pipeline.config.mission import Fusion
 from pipeline.fusion.fuser import Fuser
+from pipeline.fusion.map_file import map_records
 from pipeline.fusion.sequencer import Sequencer
 from pipeline.fusion.sharding import merge, shares
 from pipeline.geo.camera import Camera
@@ -17,9 +18,8 @@ from pipeline.geo.frame import LocalFrame
 from pipeline.geo.pose import enu_from_camera
 from pipeline.geo.terrain import Terrain
 from pipeline.messages import CameraPose, Detections, EndOfStream
-from pipeline.outputs.map_file import map_records
-from pipeline.stages.checkpoint import load_checkpoint, save_checkpoint
-from pipeline.stages.reducer import ReducerStage
+from pipeline.mission.checkpoint import load_checkpoint, save_checkpoint
+from pipeline.mission.stages.reducer import ReducerStage
 
 SUBSTREAMS = [("a", "d"), ("a", "e"), ("b", "d")]
 CAMERA = Camera(256, 144, 225.0, 225.0, 128.0, 72.0)

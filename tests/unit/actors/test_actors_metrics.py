@@ -7,7 +7,7 @@ from actors.metrics import Snapshot, frame_outcomes, serve
 from actors.reducer import ReducerStatus
 from actors.source import SourceStatus
 from pipeline.allocation.plan import Plan
-from pipeline.stages.reducer import HOPS, HopHistogram
+from pipeline.mission.stages.reducer import HOPS, HopHistogram
 
 PLAN = Plan("optimal", 1.25, 1.25, 0.0, 2, (), 0.1, 10, 10)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.evaluation.boxes import FoundBoxes, TrueBoxes, found_boxes, true_boxes
+from pipeline.evaluation.metrics.boxes import FoundBoxes, TrueBoxes, found_boxes, true_boxes
 
 REAL = Path(__file__).parents[4] / "shared/data/evaluation"
 

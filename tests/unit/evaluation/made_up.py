@@ -5,9 +5,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.evaluation.cell import Cell, ContextFigures, Figures, Replicated
-from pipeline.evaluation.results import DetectorFile, Provenance, Results
-from pipeline.evaluation.setup_timing import SetupTiming
+from pipeline.evaluation.measuring.setup_timing import SetupTiming
+from pipeline.evaluation.metrics.cell import Cell, ContextFigures, Figures, Replicated
+from pipeline.evaluation.report.results import DetectorFile, Provenance, Results
 
 BITRATES = (50e3, 500e3, 1e6, 2.5e6, 20e6)
 CODECS = ("h264", "vp9", "h265", "av1")

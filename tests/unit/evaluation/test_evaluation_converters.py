@@ -6,8 +6,8 @@ import pytest
 
 from pipeline.config.evaluation import FaultPolicy
 from pipeline.errors import InputError
-from pipeline.evaluation.converters import converted
-from pipeline.evaluation.faults import FaultLog
+from pipeline.evaluation.datasets.converters import converted
+from pipeline.evaluation.datasets.fault_log import FaultLog
 
 
 def image(path, size=(64, 48)):

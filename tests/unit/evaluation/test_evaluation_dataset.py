@@ -11,9 +11,9 @@ import pytest
 
 from pipeline.config.evaluation import FaultPolicy
 from pipeline.errors import InputError
-from pipeline.evaluation.coco import CocoOptions, read_coco
-from pipeline.evaluation.dataset import joined, kept_frames, require_aspect, sampled_pictures, scaled
-from pipeline.evaluation.faults import FaultLog
+from pipeline.evaluation.datasets.coco import CocoOptions, read_coco
+from pipeline.evaluation.datasets.dataset import joined, kept_frames, require_aspect, sampled_pictures, scaled
+from pipeline.evaluation.datasets.fault_log import FaultLog
 
 SIZE = (64, 48)
 SKIP = FaultPolicy(**dict.fromkeys(FaultPolicy.model_fields, "skip"))

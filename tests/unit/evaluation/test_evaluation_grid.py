@@ -11,13 +11,13 @@ import yaml
 
 from pipeline.config.evaluation import load_evaluation
 from pipeline.errors import InputError
-from pipeline.evaluation import grid as grid_module
-from pipeline.evaluation.cache import Cache
-from pipeline.evaluation.faults import FaultLog
-from pipeline.evaluation.grid import in_processes, plan_grid, run_grid
-from pipeline.evaluation.grid_results import GridResults, cells_of, score_use
-from pipeline.evaluation.read import read_datasets
-from pipeline.evaluation.unit import Found, Model, UnitResult
+from pipeline.evaluation.datasets.fault_log import FaultLog
+from pipeline.evaluation.datasets.read_datasets import read_datasets
+from pipeline.evaluation.measuring import grid as grid_module
+from pipeline.evaluation.measuring.cache import Cache
+from pipeline.evaluation.measuring.grid import in_processes, plan_grid, run_grid
+from pipeline.evaluation.measuring.grid_results import GridResults, cells_of, score_use
+from pipeline.evaluation.measuring.work_unit import Found, Model, UnitResult
 
 NANO = Path(__file__).parents[3] / "configs/detectors/nano.onnx"
 MODEL = Model("nano", NANO, "0" * 64)

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from pipeline.evaluation.boxes import found_boxes, true_boxes
-from pipeline.evaluation.lrp import is_at_cutoff, lrp_curve, mean_optimal_lrp, optimal_lrp
-from pipeline.evaluation.matching import match
+from pipeline.evaluation.metrics.boxes import found_boxes, true_boxes
+from pipeline.evaluation.metrics.lrp import is_at_cutoff, lrp_curve, mean_optimal_lrp, optimal_lrp
+from pipeline.evaluation.metrics.matching import match
 
 TRUE = true_boxes([0, 1], [1, 1], [[0, 0, 10, 10], [0, 0, 10, 10]])
 

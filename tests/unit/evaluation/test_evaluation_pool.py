@@ -10,9 +10,9 @@ from made_up import BITRATES, CODECS, results, timing
 
 from pipeline.config.pool import Calibration, load_pool
 from pipeline.errors import InputError
-from pipeline.evaluation.dataset import sha256_of_file
-from pipeline.evaluation.pool_file import write_pool
-from pipeline.evaluation.pool_tools import assume, differences, merge, shown
+from pipeline.evaluation.datasets.dataset import sha256_of_file
+from pipeline.evaluation.pool.pool_file import write_pool
+from pipeline.evaluation.pool.pool_tools import assume, differences, merge, shown
 
 POOLS = Path(__file__).parents[3] / "configs/pools"
 

@@ -8,7 +8,7 @@ import pytest
 from pipeline.config.evaluation import EvaluatedDetector
 from pipeline.detection import load_detector
 from pipeline.errors import InputError
-from pipeline.evaluation.precision import in_precision
+from pipeline.evaluation.measuring.precision import in_precision
 
 NANO = Path(__file__).parents[3] / "configs/detectors/nano.onnx"
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.evaluation.average_precision import coco_precision
-from pipeline.evaluation.bootstrap import drawn_weights, interval, replicate
-from pipeline.evaluation.lrp import OFFICIAL_THRESHOLDS, lrp_curve, mean_optimal_lrp, optimal_lrp
-from pipeline.evaluation.matching import match
+from pipeline.evaluation.metrics.average_precision import coco_precision
+from pipeline.evaluation.metrics.bootstrap import drawn_weights, interval, replicate
+from pipeline.evaluation.metrics.lrp import OFFICIAL_THRESHOLDS, lrp_curve, mean_optimal_lrp, optimal_lrp
+from pipeline.evaluation.metrics.matching import match
 
 CLASSES = list(range(6))
 #: of swimmer, boat, jetski, life-saving appliances, buoy, by pycocotools 2.0.11; class 0 has no boxes

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from made_up import BITRATES, CODECS, ap_like_the_paper, results
 
-from pipeline.evaluation.examples import Example
-from pipeline.evaluation.report import render_report, report_figures, verdict
-from pipeline.evaluation.results import load_results
-from pipeline.evaluation.shapes import shapes
-from pipeline.evaluation.tables import CELL_COLUMNS, cells_csv, times_csv
+from pipeline.evaluation.report.examples import Example
+from pipeline.evaluation.report.paper_claims import shapes
+from pipeline.evaluation.report.report import render_report, report_figures, verdict
+from pipeline.evaluation.report.results import load_results
+from pipeline.evaluation.report.tables import CELL_COLUMNS, cells_csv, times_csv
 
 
 def verdicts(**changes) -> list[str]:

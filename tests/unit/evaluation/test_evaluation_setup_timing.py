@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.config.evaluation import Setup
-from pipeline.evaluation.setup_timing import time_setup
+from pipeline.evaluation.measuring.setup_timing import time_setup
 
 NANO = Path(__file__).parents[3] / "configs/detectors/nano.onnx"
 

@@ -5,8 +5,9 @@ from pipeline.experiments import detection_cache
 from pipeline.experiments.detection_cache import detections_of
 from pipeline.experiments.pose_errors import mission_with_pose_errors
 from pipeline.experiments.refusion import fuse_again
-from pipeline.local import run_local
-from pipeline.preflight import plan, prepare
+from pipeline.mission.local import run_local
+from pipeline.mission.planning import plan
+from pipeline.mission.prepared import prepare
 
 
 def quiet(*_: object) -> None:

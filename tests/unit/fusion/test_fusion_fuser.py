@@ -5,10 +5,10 @@ import pytest
 
 from pipeline.errors import InputError
 from pipeline.fusion.fuser import Fuser
-from pipeline.fusion.sensor_model import SensorModel
 from pipeline.fusion.voxel_map import log_odds
 from pipeline.geo.pose import enu_from_camera
 from pipeline.messages import CameraPose, Detections
+from pipeline.sensor.model import SensorModel
 
 #: 15 m above the ground, looking north and 45 degrees down: the optical axis meets the ground 15 m ahead.
 POSE = CameraPose(np.array([0.1, -0.1, 15.0]), enu_from_camera(0.0, math.radians(-45.0), 0.0))

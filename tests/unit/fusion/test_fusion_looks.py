@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from pipeline.fusion.fuser import Fuser
-from pipeline.fusion.sensor_model import SensorModel
 from pipeline.geo.pose import enu_from_camera
 from pipeline.messages import CameraPose, Detections
+from pipeline.sensor.model import SensorModel
 
 SECOND = 1_000_000_000
 START = 1_777_629_600 * SECOND

@@ -140,7 +140,7 @@ def summary_of(locations: tuple[SalientLocation, ...], truth: tuple[TruePerson, 
         ],
         locations=locations,
         match=match_truth(locations, truth) if truth else None,
-        evidence={"late": 2, "box without area": 1},
+        not_taken={"late": 2, "box without area": 1},
         provenance={"python": "3.11.2", "searchlight": "0.1.0"},
     )
 
@@ -161,12 +161,12 @@ def search_of(found: bool = True, known: bool = True, size: Size = SIZE) -> Repo
     tracks = {"drone-1": serpentine(size, 0.0), "drone-2": serpentine(size, 1.7)}
     schedule = Figure(figsize=(6, 1.5))
     schedule.add_subplot().barh([0, 1], [2, 3])
-    evidence = [(1, b"\x89PNG one"), (2, b"\x89PNG two")] if found else []
+    crops = [(1, b"\x89PNG one"), (2, b"\x89PNG two")] if found else []
     return ReportData(
         summary_of(locations, truth),
         map_of(size, spots if found else np.zeros((0, 2))),
         tracks,
         truth,
         schedule,
-        evidence,
+        crops,
     )

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from synthetic_search import location, standing
 
-from pipeline.fusion.second_flight import SecondFlight, Waypoint
-from pipeline.fusion.second_look import SecondLookArea
 from pipeline.outputs.map_picture import second_look_picture
 from pipeline.outputs.report import ReportData, render_report, verdict, write_report
 from pipeline.outputs.truth import match_truth
+from pipeline.second_look.areas import SecondLookArea
+from pipeline.second_look.flight import SecondFlight, Waypoint
 
 Search = Callable[..., ReportData]
 

@@ -5,8 +5,6 @@ import numpy as np
 import pytest
 
 from pipeline.config.mission import SecondLook
-from pipeline.fusion.second_flight import SecondFlight, Waypoint
-from pipeline.fusion.second_look import LOW_POD, SecondLookArea
 from pipeline.geo.frame import LocalFrame
 from pipeline.outputs.second_look_files import (
     qgc_plan,
@@ -14,6 +12,8 @@ from pipeline.outputs.second_look_files import (
     write_second_flight,
     write_second_look,
 )
+from pipeline.second_look.areas import LOW_POD, SecondLookArea
+from pipeline.second_look.flight import SecondFlight, Waypoint
 
 FRAME = LocalFrame(63.4, 10.4)
 RING = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 5.0], [0.0, 5.0], [0.0, 0.0]])

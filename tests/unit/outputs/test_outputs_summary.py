@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from pipeline.outputs.report import ReportData
-from pipeline.outputs.safe_write import check_run_directory
 from pipeline.outputs.summary import LinkUse, MeanHops, write_summary
+from pipeline.storage.whole_or_nothing import check_run_directory
 
 Search = Callable[..., ReportData]
 

@@ -7,11 +7,11 @@ import pytest
 from pipeline.config.scenario import FlightPlan, PoseNoise
 from pipeline.geo.camera import Camera
 from pipeline.geo.frame import LocalFrame
+from pipeline.ingest.telemetry.dji_srt import read_dji_srt
 from pipeline.simulation.flight import Flight, plan_flights
 from pipeline.simulation.ground import Extent
 from pipeline.simulation.pose_noise import disturbed, gauss_markov
 from pipeline.simulation.srt_writer import dji_srt
-from pipeline.telemetry.dji_srt import read_dji_srt
 
 CAMERA = Camera(1024, 576, 900.0, 900.0, 512.0, 288.0)
 START = datetime(2026, 6, 14, 9, 30, tzinfo=UTC)

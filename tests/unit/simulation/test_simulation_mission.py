@@ -14,11 +14,11 @@ from pipeline.config.scenario import load_scenario
 from pipeline.errors import InputError
 from pipeline.geo.frame import LocalFrame
 from pipeline.geo.pose import enu_from_camera
+from pipeline.ingest.telemetry.dji_srt import read_dji_srt
 from pipeline.messages import CameraPose
 from pipeline.simulation import mission_writer
 from pipeline.simulation.mission_writer import simulate
 from pipeline.simulation.rehearsal import rehearse
-from pipeline.telemetry.dji_srt import read_dji_srt
 
 ROOT = Path(__file__).parents[3]
 DEMO = ROOT / "configs" / "scenarios" / "demo.yaml"

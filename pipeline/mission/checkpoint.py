@@ -1,0 +1,122 @@
+"""The reducer's state as a file, so that a mission can go on where it stopped."""
+
+from __future__ import annotations
+
+from array import array
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import msgpack
+import numpy as np
+
+from pipeline.errors import InputError
+from pipeline.fusion.look import Look
+from pipeline.fusion.map_file import map_records, restore_map
+from pipeline.fusion.sequencer import SequencerState
+from pipeline.messages import Detections, pack, unpack
+from pipeline.mission.stages.reducer import HopHistogram, ReducerStage
+from pipeline.storage.checksummed import read_records, write_records
+
+KIND = "searchlight reducer 1"
+
+
+def save_checkpoint(path: Path, stage: ReducerStage) -> None:
+    """Write all that a reducer knows; until all of it is on the disk, path stays as it was."""
+    write_records(path, KIND, _records(stage))
+
+
+def load_checkpoint(path: Path, stage: ReducerStage) -> None:
+    """Let a new reducer of the same mission go on where another one stopped.
+
+    Raises InputError, and leaves the reducer as it was, if the file is damaged or of another mission.
+    """
+    records = read_records(path, KIND)
+    state = msgpack.unpackb(next(records), strict_map_key=False, use_list=False)
+    mine = {"substreams": tuple(sorted(stage.received)), "classes": tuple(stage.fuser.maps)}
+    for name, expected in mine.items():
+        if state[name] != expected:
+            raise InputError(f"{path} {name}", repr(state[name]), f"{expected!r}, as this mission's")
+    for voxel_map in stage.fuser.maps.values():
+        restore_map(path, voxel_map, records)
+    _restore_fuser(stage, state)
+    _restore_sequencer(stage, state["sequencer"])
+    _restore_accounts(stage, state)
+
+
+def _records(stage: ReducerStage) -> Iterator[bytes]:
+    yield msgpack.packb(_state(stage))
+    for voxel_map in stage.fuser.maps.values():
+        yield from map_records(voxel_map)
+
+
+def _state(stage: ReducerStage) -> dict[str, Any]:
+    sequencer = stage.sequencer.state
+    return {
+        "substreams": sorted(stage.received),
+        "classes": list(stage.fuser.maps),
+        "looks": [[_plain(getattr(look, f.name)) for f in fields(Look)] for look in stage.fuser.looks],
+        "fuser_refused": stage.fuser.refused,
+        "unplaced": stage.fuser.unplaced,
+        "sequencer": {
+            "open": sequencer.open,
+            "newest_ns": sorted(sequencer.newest_ns.items()),
+            "applied_ns": [(key, times.tobytes()) for key, times in sorted(sequencer.applied_ns.items())],
+            "waiting": [pack(result) for result in sequencer.waiting],
+            "released": sequencer.released,
+            "refused": sorted(sequencer.refused.items()),
+            "late": sorted(sequencer.late.items()),
+        },
+        "received": [(key, sorted(frames)) for key, frames in sorted(stage.received.items())],
+        "processed": [(key, sorted(frames)) for key, frames in sorted(stage.processed.items())],
+        "dropped": [(key, sorted(frames.items())) for key, frames in sorted(stage.dropped.items())],
+        "detections": sorted(stage.detections.items()),
+        "hops": [
+            (key, [(hop, h.counts, h.sum_s) for hop, h in hops.items()])
+            for key, hops in sorted(stage.hops.items())
+        ],
+    }
+
+
+def _plain(value: Any) -> Any:
+    return value.tolist() if isinstance(value, np.ndarray) else value
+
+
+def _restore_fuser(stage: ReducerStage, state: dict[str, Any]) -> None:
+    fuser = stage.fuser
+    fuser.looks[:] = [_look(values) for values in state["looks"]]
+    fuser.refused, fuser.unplaced = Counter(state["fuser_refused"]), Counter(state["unplaced"])
+
+
+def _look(values: tuple[Any, ...]) -> Look:
+    arguments: list[Any] = [np.array(v) if isinstance(v, tuple) else v for v in values]
+    return Look(*arguments)
+
+
+def _restore_sequencer(stage: ReducerStage, state: dict[str, Any]) -> None:
+    waiting = [unpack(data) for data in state["waiting"]]
+    stage.sequencer.restore(
+        SequencerState(
+            list(state["open"]),
+            dict(state["newest_ns"]),
+            {key: array("q", times) for key, times in state["applied_ns"]},
+            [result for result in waiting if isinstance(result, Detections)],
+            state["released"],
+            dict(state["refused"]),
+            dict(state["late"]),
+        )
+    )
+
+
+def _restore_accounts(stage: ReducerStage, state: dict[str, Any]) -> None:
+    stage.open = set(state["sequencer"]["open"])
+    stage.received = {key: set(frames) for key, frames in state["received"]}
+    stage.processed = {key: set(frames) for key, frames in state["processed"]}
+    stage.dropped = {key: dict(frames) for key, frames in state["dropped"]}
+    stage.detections = Counter(dict(state["detections"]))
+    stage.hops = {
+        key: {hop: HopHistogram(list(counts), sum_s) for hop, counts, sum_s in hops}
+        for key, hops in state["hops"]
+    }

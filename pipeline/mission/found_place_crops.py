@@ -1,0 +1,65 @@
+"""What made us believe it: for each found place, the piece of the picture with the surest look."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib import image as matplotlib_image
+
+from pipeline.fusion.look import Look
+from pipeline.fusion.salient import SalientLocation
+from pipeline.geo.camera import Camera
+from pipeline.ingest.track import pose_at
+from pipeline.ingest.video.file import read_frames
+from pipeline.messages import FloatArray
+from pipeline.mission.prepared import PreparedMission
+from pipeline.mission.stages.source import StreamInput
+
+HALF_SIZE_PX = 72
+#: a look this near to a place belongs to it
+REACH_M = 1.5
+
+
+def found_place_crops(
+    prepared: PreparedMission, looks: Sequence[Look], locations: Sequence[SalientLocation]
+) -> list[tuple[int, bytes]]:
+    """(id of the place, PNG) for every place, cut from the video."""
+    chosen = {place.id: look for place in locations if (look := _best(looks, place)) is not None}
+    pictures = []
+    for stream in prepared.streams:
+        mine = {place: look for place, look in chosen.items() if look.stream == stream.stream}
+        pictures += _cut(stream, prepared.cameras[stream.stream], mine)
+    return sorted(pictures)
+
+
+def _best(looks: Sequence[Look], place: SalientLocation) -> Look | None:
+    near = [k for k in looks if np.hypot(*(k.intersection_enu - place.position_enu)[:2]) < REACH_M]
+    return max(near, key=lambda look: (look.score, -look.time_ns), default=None)
+
+
+def _cut(stream: StreamInput, camera: Camera, looks: dict[int, Look]) -> list[tuple[int, bytes]]:
+    frame_of = {
+        place: round((look.time_ns - stream.start_ns) * 1e-9 * stream.video.frame_rate)
+        for place, look in looks.items()
+    }
+    if not frame_of:
+        return []
+    pictures = []
+    for index, time_s, image in read_frames(stream.path, frozenset(frame_of.values())):
+        pose = pose_at(stream.track, time_s, stream.telemetry, stream.frame, stream.terrain_datum)
+        for place in (p for p, i in frame_of.items() if i == index):
+            pixel = camera.project_enu(looks[place].intersection_enu[None], pose)[0]
+            pictures.append((place, _crop(image, pixel)))
+    return pictures
+
+
+def _crop(image: np.ndarray[tuple[int, ...], np.dtype[np.uint8]], pixel: FloatArray) -> bytes:
+    # the point is where the person touches the ground: most of the person is above it
+    height, width = image.shape[:2]
+    x = int(np.clip(pixel[0] - HALF_SIZE_PX, 0, width - 2 * HALF_SIZE_PX))
+    y = int(np.clip(pixel[1] - 1.4 * HALF_SIZE_PX, 0, height - 2 * HALF_SIZE_PX))
+    buffer = io.BytesIO()
+    matplotlib_image.imsave(buffer, image[y : y + 2 * HALF_SIZE_PX, x : x + 2 * HALF_SIZE_PX], format="png")
+    return buffer.getvalue()

@@ -1,0 +1,72 @@
+"""What became of every frame, once a run is over: the sources' counts and the reducer's put together."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+from pipeline.allocation.plan import Plan
+from pipeline.mission.stages.reducer import HOPS, HopHistogram, ReducerStage
+from pipeline.mission.stages.source import SourceCount
+from pipeline.outputs.accounting import StreamAccount
+from pipeline.outputs.summary import MeanHops, SubstreamCount
+
+
+def stream_account(stream: str, count: SourceCount, reducer: ReducerStage) -> StreamAccount:
+    """Every frame of the video once: processed, or dropped with a reason."""
+    processed = reducer.frames(stream)
+    dropped = Counter(
+        _reason(index, due, stream, count, reducer)
+        for index, due in count.due.items()
+        if index not in processed
+    )
+    dropped["not_sampled"] += count.not_sampled
+    return StreamAccount(stream, count.captured, len(processed), {k: n for k, n in dropped.items() if n})
+
+
+def substream_counts(
+    plan: Plan, counts: dict[str, SourceCount], reducer: ReducerStage
+) -> list[SubstreamCount]:
+    """Every frame that was a detector's turn: processed, or dropped with a reason."""
+    return [
+        _substream(a.stream, a.detector, a.machine, a.site, counts[a.stream], reducer)
+        for a in plan.assignments
+    ]
+
+
+def _substream(
+    stream: str, detector: str, machine: str, site: str, count: SourceCount, reducer: ReducerStage
+) -> SubstreamCount:
+    offered = [index for index, due in count.due.items() if detector in due]
+    processed = reducer.processed[stream, detector]
+    dropped = Counter(
+        _fate(index, stream, detector, count, reducer) for index in offered if index not in processed
+    )
+    means = {f"{hop}_s": _mean(reducer.hops[stream, detector][hop]) for hop in HOPS}
+    return SubstreamCount(
+        stream,
+        detector,
+        machine,
+        site,
+        len(offered),
+        len(processed),
+        dict(dropped),
+        reducer.detections[stream, detector],
+        MeanHops(**means),
+    )
+
+
+def _reason(index: int, due: tuple[str, ...], stream: str, count: SourceCount, reducer: ReducerStage) -> str:
+    """One reason for the frame as a whole: the first detector's, in the plan's order."""
+    return next((_fate(index, stream, d, count, reducer) for d in due), "not_assigned")
+
+
+def _fate(index: int, stream: str, detector: str, count: SourceCount, reducer: ReducerStage) -> str:
+    if (index, detector) in count.dropped:
+        return count.dropped[index, detector]
+    if index in reducer.dropped[stream, detector]:
+        return reducer.dropped[stream, detector][index]
+    return "result_late" if index in reducer.received[stream, detector] else "result_lost"
+
+
+def _mean(histogram: HopHistogram) -> float | None:
+    return histogram.sum_s / sum(histogram.counts) if sum(histogram.counts) else None

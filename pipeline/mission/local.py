@@ -1,0 +1,105 @@
+"""The whole chain in one process, without Ray: the reference that the actors must equal."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+
+from pipeline.allocation.plan import Plan
+from pipeline.detection import open_pool_detector
+from pipeline.fusion.fuser import Fuser
+from pipeline.fusion.sequencer import Sequencer
+from pipeline.messages import Message
+from pipeline.mission.prepared import PreparedMission
+from pipeline.mission.stages.detector import DetectorStage
+from pipeline.mission.stages.reducer import ReducerStage
+from pipeline.mission.stages.source import SourceCount, SourceStage, StreamInput
+from pipeline.mission.stages.virtual_link import VirtualLink
+
+#: a link may be so far behind before frames are dropped, seconds
+MAX_BACKLOG_S = 1.0
+Progress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True, eq=False)
+class FinishedRun:
+    """What a run leaves behind, before it is written.
+
+    plan: what ran. reducer: with the map. counts: of the sources. bytes_sent: per (stream, site). seconds:
+    first frame to last result. pace: ``realtime``, ``max`` or ``local``.
+    """
+
+    plan: Plan
+    reducer: ReducerStage
+    counts: dict[str, SourceCount]
+    bytes_sent: Mapping[tuple[str, str], int]
+    seconds: float
+    pace: str
+
+
+def run_local(prepared: PreparedMission, plan: Plan, progress: Progress) -> FinishedRun:
+    """Process every stream, one frame of each in turn. progress(stream, frames done, frames in all)."""
+    started = time.monotonic()
+    reducer = make_reducer(prepared, plan, lateness=False)
+    counts, sent = process(prepared, plan, reducer.push, progress)
+    reducer.finish()
+    return FinishedRun(plan, reducer, counts, sent, time.monotonic() - started, "local")
+
+
+def process(
+    prepared: PreparedMission, plan: Plan, push: Callable[[Message], None], progress: Progress
+) -> tuple[dict[str, SourceCount], dict[tuple[str, str], int]]:
+    """Run all but the reducer: push gets its messages. The sources' counts, and bytes per (stream, site)."""
+    stages = make_detectors(prepared, plan)
+
+    def deliver_from(stream: str) -> Callable[[str, Message], None]:
+        return lambda detector, message: push(stages[stream, detector].process(message, 0))
+
+    links = {
+        s.stream: VirtualLink(bandwidth(prepared, plan, s.stream), deliver_from(s.stream))
+        for s in prepared.streams
+    }
+    sources = {
+        s.stream: SourceStage(s, plan.assignments, links[s.stream], MAX_BACKLOG_S) for s in prepared.streams
+    }
+    running = {s.stream: _step(s, sources[s.stream], progress) for s in prepared.streams}
+    while running:
+        running = {name: steps for name, steps in running.items() if next(steps, None) is not None}
+    counts = {name: source.count for name, source in sources.items()}
+    sent = {(name, site): count for name, link in links.items() for site, count in link.bytes_sent.items()}
+    return counts, sent
+
+
+def make_reducer(prepared: PreparedMission, plan: Plan, *, lateness: bool) -> ReducerStage:
+    """The reducer for a plan; without lateness it waits for every substream for as long as it takes."""
+    substreams = tuple((a.stream, a.detector) for a in plan.assignments)
+    relative = {a.detector: prepared.relative_accuracy[a.pool_detector] for a in plan.assignments}
+    fuser = Fuser(prepared.terrain, prepared.mission.fusion, prepared.cameras, relative)
+    lateness_ns = round(prepared.mission.fusion.lateness * 1e9) if lateness else None
+    start_ns = {s.stream: s.start_ns for s in prepared.streams}
+    return ReducerStage(fuser, Sequencer(substreams, lateness_ns, start_ns), substreams)
+
+
+def make_detectors(prepared: PreparedMission, plan: Plan) -> dict[tuple[str, str], DetectorStage]:
+    """One stage, with a decoder of its own, per substream."""
+    stages = {}
+    for a in plan.assignments:
+        detector = open_pool_detector(prepared.runnable(a.pool_detector))
+        stages[a.stream, a.detector] = DetectorStage(detector, a.codec or prepared.mission.processing.codec)
+    return stages
+
+
+def bandwidth(prepared: PreparedMission, plan: Plan, stream: str) -> dict[str, float]:
+    """Bandwidth of the stream's link to every site that the plan uses for it, bits per second."""
+    used = sorted({a.site for a in plan.assignments if a.stream == stream})
+    return {site: prepared.problem.link_bps[stream, site] for site in used}
+
+
+def _step(stream: StreamInput, source: SourceStage, progress: Progress) -> Iterator[bool]:
+    for frame in source.frames():
+        source.offer(frame, frame.index / stream.video.frame_rate)
+        progress(stream.stream, frame.index + 1, stream.video.frames)
+        yield True
+    source.end()
+    progress(stream.stream, stream.video.frames, stream.video.frames)

@@ -1,0 +1,107 @@
+"""The run directory: everything that a run found, as files."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Sequence
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.allocation.gantt import gantt
+from pipeline.allocation.plan import plan_to_json
+from pipeline.fusion.salient import SalientLocation, locations_of_all_classes
+from pipeline.ingest.track import pose_at
+from pipeline.messages import FloatArray
+from pipeline.mission.found_place_crops import found_place_crops
+from pipeline.mission.ledger import stream_account, substream_counts
+from pipeline.mission.local import FinishedRun
+from pipeline.mission.prepared import PreparedMission
+from pipeline.outputs.map_picture import map_picture, png, second_look_picture
+from pipeline.outputs.report import ReportData, write_report
+from pipeline.outputs.saliency_tif import write_saliency
+from pipeline.outputs.salient_geojson import write_salient
+from pipeline.outputs.second_look_files import write_qgc_plan, write_second_flight, write_second_look
+from pipeline.outputs.summary import LinkUse, Summary, write_summary
+from pipeline.outputs.truth import TruePerson, load_truth, match_truth
+from pipeline.second_look.plan import plan_second_look
+from pipeline.storage.whole_or_nothing import run_directory, write_bytes, write_text
+
+
+def write_run_directory(prepared: PreparedMission, run: FinishedRun, out: Path) -> Summary:
+    """Write the run directory, whole or not at all; the summary that was written."""
+    fuser = run.reducer.fuser
+    locations = locations_of_all_classes(fuser.maps, fuser.looks, prepared.mission.fusion)
+    truth = load_truth(prepared.mission.truth, prepared.frame) if prepared.mission.truth else ()
+    summary = _summary(prepared, run, locations, truth)
+    schedule = gantt(prepared.problem, run.plan)
+    tracks = {s.stream: _track(prepared, s.stream) for s in prepared.streams}
+    crops = found_place_crops(prepared, fuser.looks, locations)
+    mission, camera = prepared.mission, prepared.cameras[prepared.streams[0].stream]
+    second = plan_second_look(
+        fuser.map, prepared.terrain, mission.fusion, camera, tracks, mission.search_area
+    )
+    picture = second_look_picture(fuser.map, second.areas, second.flight)
+    report = ReportData(
+        summary, fuser.map, tracks, truth, schedule, crops, second.areas, second.flight, picture
+    )
+    with run_directory(out) as folder:
+        for name, voxel_map in fuser.maps.items():
+            of_class = "" if voxel_map is fuser.map else f"-{name}"
+            write_saliency(folder / f"saliency{of_class}.tif", voxel_map)
+        write_salient(folder / "salient.geojson", locations, summary.match)
+        write_text(folder / "plan.json", plan_to_json(run.plan, prepared.problem))
+        write_bytes(folder / "map.png", png(map_picture(fuser.map, tracks, locations, truth)))
+        write_bytes(folder / "schedule.png", png(schedule))
+        write_second_look(folder / "second_look.geojson", second.areas, prepared.frame)
+        write_second_flight(folder / "second_flight.geojson", second.flight, prepared.frame)
+        if second.flight.waypoints:
+            look = prepared.mission.fusion.second_look
+            write_qgc_plan(folder / "second_flight.plan", second.flight, prepared.frame, look)
+        write_report(folder / "report.html", report)
+        write_summary(folder / "summary.json", summary)
+    return summary
+
+
+def _summary(
+    prepared: PreparedMission,
+    run: FinishedRun,
+    locations: tuple[SalientLocation, ...],
+    truth: Sequence[TruePerson],
+) -> Summary:
+    video_s = max(s.video.duration_s for s in prepared.streams)
+    durations = {s.stream: s.video.duration_s for s in prepared.streams}
+    return Summary(
+        mission=prepared.mission.name,
+        mission_file=str(prepared.path),
+        pace=run.pace,
+        seconds=run.seconds,
+        video_seconds=video_s,
+        plan=run.plan,
+        streams=[stream_account(s.stream, run.counts[s.stream], run.reducer) for s in prepared.streams],
+        substreams=substream_counts(run.plan, run.counts, run.reducer),
+        links=[
+            LinkUse(stream, site, prepared.problem.link_bps.get((stream, site), 0.0), sent, durations[stream])
+            for (stream, site), sent in sorted(run.bytes_sent.items())
+        ],
+        locations=locations,
+        match=match_truth(locations, truth) if truth else None,
+        not_taken=run.reducer.not_taken,
+        provenance=_provenance(),
+    )
+
+
+def _provenance() -> dict[str, str]:
+    names = ("searchlight", "ray", "onnxruntime", "av", "numpy", "ortools")
+    return {"python": platform.python_version()} | {name: version(name) for name in names}
+
+
+def _track(prepared: PreparedMission, stream: str) -> FloatArray:
+    """Positions (N, 3) of the camera, twice a second."""
+    s = next(s for s in prepared.streams if s.stream == stream)
+    last_s = (s.video.frames - 1) / s.video.frame_rate
+    times = np.arange(0.0, last_s, 0.5)
+    return np.stack(
+        [pose_at(s.track, float(t), s.telemetry, s.frame, s.terrain_datum).position_enu for t in times]
+    )

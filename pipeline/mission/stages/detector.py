@@ -1,0 +1,65 @@
+"""The detector stage: the packets of one substream become detections."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+
+from pipeline.detection import Detector, NotFiniteError
+from pipeline.link.codec import Codec, Decoder
+from pipeline.messages import Detections, Dropped, EndOfStream, Hops, Message, Packet
+
+
+class DetectorStage:
+    """One decoder and one detector; call it with the messages of its substream in their order."""
+
+    def __init__(self, detector: Detector, codec: Codec) -> None:
+        self._detector = detector
+        self._decoder = Decoder(codec)
+
+    def process(self, message: Message, received_ns: int) -> Message:
+        """Detections for a packet, or Dropped if it cannot be decoded or the network says NaN of it.
+
+        The end of the stream comes back as it is.
+
+        received_ns: when the message arrived, ns UTC.
+        """
+        if isinstance(message, EndOfStream):
+            return message
+        if not isinstance(message, Packet):
+            raise TypeError(f"a substream carries packets, not {type(message).__name__}")
+        started = time.perf_counter()
+        try:
+            image = self._decoder.decode(message.data)
+        except ValueError:
+            return _dropped(message, "undecodable")
+        decoded = time.perf_counter()
+        try:
+            boxes, scores, classes = self._detector.detect(image)
+        except NotFiniteError:
+            return _dropped(message, "detector_not_finite")
+        detected = time.perf_counter()
+        transfer_s = max(0, received_ns - message.sent_ns) * 1e-9 if message.sent_ns else message.link_s
+        return Detections(
+            stream=message.stream,
+            detector=message.detector,
+            index=message.index,
+            time_ns=message.time_ns,
+            pose=message.pose,
+            boxes_px=boxes,
+            scores=scores,
+            class_ids=classes,
+            hops=Hops(message.encode_s, transfer_s, decoded - started, detected - decoded),
+        )
+
+    def skip(self, message: Message) -> Message:
+        """Decode, since the next packet needs this one, but do not look: the frame came too late."""
+        if not isinstance(message, Packet):
+            return message
+        with contextlib.suppress(ValueError):
+            self._decoder.decode(message.data)
+        return _dropped(message, "machine_busy")
+
+
+def _dropped(packet: Packet, reason: str) -> Dropped:
+    return Dropped(packet.stream, packet.detector, packet.index, packet.time_ns, reason)

@@ -1,0 +1,167 @@
+"""The source stage: one video and its telemetry become the packets of the stream's substreams."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from fractions import Fraction
+from pathlib import Path
+from typing import Protocol
+
+from pipeline.allocation.plan import Assignment
+from pipeline.config.mission import Datum, Telemetry
+from pipeline.geo.frame import LocalFrame
+from pipeline.ingest.track import Track, pose_at, utc_ns
+from pipeline.ingest.video.file import VideoInfo, read_frames, sampled_indices
+from pipeline.link.codec import Codec, Encoder
+from pipeline.messages import EndOfStream, Frame, Message, Packet
+
+#: a decoder that joins late or lost a packet waits at most so long for a picture that stands alone
+KEYFRAME_INTERVAL_S = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class StreamInput:
+    """All that the source of one stream needs."""
+
+    stream: str
+    site: str
+    video: VideoInfo
+    track: Track
+    telemetry: Telemetry
+    frame: LocalFrame
+    terrain_datum: Datum
+    processing_rate_hz: float
+    codec: Codec
+
+    @property
+    def path(self) -> Path:
+        """The video file."""
+        return self.video.path
+
+    @property
+    def start_ns(self) -> int:
+        """When the video starts, ns UTC."""
+        return utc_ns(self.track, 0.0, self.telemetry)
+
+
+class Link(Protocol):
+    """The way from a stream to the sites, as the source sees it."""
+
+    def backlog_s(self, site: str, now_s: float) -> float:
+        """How long a message offered now would wait before its first byte is sent."""
+
+    def send(self, site: str, detector: str, message: Message, now_s: float) -> bool:
+        """Pass a message on; False if there is no room for it. A Packet's link_s may be filled in."""
+
+
+@dataclass
+class SourceCount:
+    """Frames of one stream, as the source knows them.
+
+    captured: in the video. not_sampled: not on the processing clock. due: frame index -> the detectors whose
+    turn it was. dropped: (frame index, detector) -> why the frame was not sent. frames_dropped: frames that
+    were sent to nobody, by reason.
+    """
+
+    captured: int = 0
+    not_sampled: int = 0
+    due: dict[int, tuple[str, ...]] = field(default_factory=dict)
+    dropped: dict[tuple[int, str], str] = field(default_factory=dict)
+    frames_dropped: Counter[str] = field(default_factory=Counter)
+
+
+class SourceStage:
+    """Encodes every frame once for each substream that takes it, and offers it to the link.
+
+    A frame is dropped *before* it is encoded, so that a decoder never misses a packet of its substream.
+    max_backlog_s: a link that is further behind than this takes no new frame (reason ``link_full``).
+    """
+
+    def __init__(
+        self, stream: StreamInput, assignments: tuple[Assignment, ...], link: Link, max_backlog_s: float
+    ) -> None:
+        self.stream = stream
+        self.assignments = tuple(a for a in assignments if a.stream == stream.stream)
+        self.count = SourceCount()
+        self._link = link
+        self._max_backlog_s = max_backlog_s
+        self._encoders = {a.detector: self._encoder(a) for a in self.assignments}
+
+    def run(self, wait_until: Callable[[float], float]) -> None:
+        """Send the whole stream. wait_until(video time, s) returns the link's time when the frame is due."""
+        for frame in self.frames():
+            due_s = frame.index / self.stream.video.frame_rate
+            now_s = wait_until(due_s)
+            self.offer(frame, now_s, late=now_s - due_s > self._max_backlog_s)
+        self.end()
+
+    def end(self) -> None:
+        """Tell every detector that the stream is over."""
+        for assignment in self.assignments:
+            end = EndOfStream(self.stream.stream, assignment.detector)
+            self._link.send(assignment.site, assignment.detector, end, self.stream.video.duration_s)
+
+    def frames(self) -> Iterator[Frame]:
+        """The frames on the processing clock, with their poses."""
+        video, track = self.stream.video, self.stream.track
+        wanted = sampled_indices(video.frames, video.frame_rate, self.stream.processing_rate_hz)
+        ticks = {int(index): tick for tick, index in enumerate(wanted)}
+        self.count.captured = video.frames
+        self.count.not_sampled = video.frames - len(ticks)
+        for index, time_s, image in read_frames(self.stream.path, frozenset(ticks)):
+            pose = pose_at(track, time_s, self.stream.telemetry, self.stream.frame, self.stream.terrain_datum)
+            time_ns = utc_ns(track, time_s, self.stream.telemetry)
+            yield Frame(self.stream.stream, index, ticks[index], time_ns, pose, image)
+
+    def offer(self, frame: Frame, now_s: float, late: bool = False) -> None:
+        """Encode and send the frame for each detector whose turn it is."""
+        due = [a for a in self.assignments if frame.tick % a.period == a.phase]
+        reasons = {a.detector: "source_late" if late else self._send(frame, a, now_s) for a in due}
+        self.count.due[frame.index] = tuple(reasons)
+        self.count.dropped.update({(frame.index, d): reason for d, reason in reasons.items() if reason})
+        if all(reasons.values()):
+            self.count.frames_dropped[next(iter(reasons.values()), None) or "not_assigned"] += 1
+
+    def _send(self, frame: Frame, assignment: Assignment, now_s: float) -> str | None:
+        """Why the frame could not be sent, or None."""
+        if self._link.backlog_s(assignment.site, now_s) > self._max_backlog_s:
+            return "link_full"
+        packet = self._encode(frame, assignment)
+        if self._link.send(assignment.site, assignment.detector, packet, now_s):
+            return None
+        # the decoder will miss this packet: the next one must stand alone
+        self._encoders[assignment.detector] = self._encoder(assignment)
+        return "receiver_busy"
+
+    def _encoder(self, assignment: Assignment) -> Encoder:
+        rate_hz = self.stream.processing_rate_hz / assignment.period
+        return Encoder(
+            assignment.codec or self.stream.codec,
+            self.stream.video.width,
+            self.stream.video.height,
+            frame_rate_hz=rate_hz,
+            bitrate_bps=assignment.bitrate_bps / assignment.period,
+            keyframe_interval=max(1, round(KEYFRAME_INTERVAL_S * rate_hz)),
+        )
+
+    def _encode(self, frame: Frame, assignment: Assignment) -> Packet:
+        started = time.perf_counter()
+        encoded = self._encoders[assignment.detector].encode(frame.image, frame.tick // assignment.period)
+        encode_s = time.perf_counter() - started
+        base = Fraction(assignment.period / self.stream.processing_rate_hz).limit_denominator(90_000)
+        return Packet(
+            stream=frame.stream,
+            detector=assignment.detector,
+            index=frame.index,
+            time_ns=frame.time_ns,
+            pts=encoded.pts,
+            time_base_num=base.numerator,
+            time_base_den=base.denominator,
+            keyframe=encoded.keyframe,
+            pose=frame.pose,
+            data=encoded.data,
+            encode_s=encode_s,
+        )

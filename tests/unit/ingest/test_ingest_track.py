@@ -1,0 +1,115 @@
+"""The pose between samples, at the ends, and its height above each datum."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.config.mission import Telemetry
+from pipeline.errors import InputError
+from pipeline.geo.frame import LocalFrame
+from pipeline.geo.pose import enu_from_camera
+from pipeline.ingest.track import Track, pose_at, utc_ns
+
+FRAME = LocalFrame(59.0, 15.0)
+FILE = Path("drone.srt")
+
+
+def track(yaw_deg: tuple[float, float] = (0.0, 90.0)) -> Track:
+    """Two samples, 1 s apart, 100 m north and 20 m up."""
+    north = FRAME.wgs84_from_enu(np.array([0.0, 0.0]), np.array([0.0, 100.0]))
+    zero = np.zeros(2)
+    heights = np.array([100.0, 120.0])
+    yaw_rad, pitch_rad = np.radians(yaw_deg), np.radians([-45.0, -45.0])
+    return Track(10**18, np.array([0.0, 1.0]), *north, heights, heights - 90.0, yaw_rad, pitch_rad, zero)
+
+
+def telemetry(**fields: object) -> Telemetry:
+    return Telemetry.model_construct(
+        **({"file": FILE} | Telemetry.model_construct(file=FILE).__dict__ | fields)
+    )
+
+
+def height_m(terrain_datum: str = "ellipsoid", **fields: object) -> float:
+    return float(pose_at(track(), 0.0, telemetry(**fields), FRAME, terrain_datum).position_enu[2])  # type: ignore[arg-type]
+
+
+def test_the_pose_between_two_samples_is_linear() -> None:
+    pose = pose_at(track(), 0.25, telemetry(), FRAME, "ellipsoid")
+    np.testing.assert_allclose(pose.position_enu, [0.0, 25.0, 105.0], atol=1e-3)
+    np.testing.assert_allclose(
+        pose.enu_from_camera, enu_from_camera(math.radians(22.5), math.radians(-45.0), 0.0), atol=1e-12
+    )
+
+
+@pytest.mark.parametrize(
+    ("yaw_deg", "middle_deg"), [((170.0, -170.0), 180.0), ((350.0, 10.0), 0.0), ((10.0, -30.0), -10.0)]
+)
+def test_angles_turn_the_shorter_way(yaw_deg: tuple[float, float], middle_deg: float) -> None:
+    pose = pose_at(track(yaw_deg), 0.5, telemetry(), FRAME, "ellipsoid")
+    expected = enu_from_camera(math.radians(middle_deg), math.radians(-45.0), 0.0)
+    np.testing.assert_allclose(pose.enu_from_camera, expected, atol=1e-12)
+
+
+def test_the_ends_are_held_for_half_a_sample_and_no_longer() -> None:
+    np.testing.assert_allclose(
+        pose_at(track(), 1.5, telemetry(), FRAME, "ellipsoid").position_enu[1], 100.0, atol=1e-3
+    )
+    np.testing.assert_allclose(
+        pose_at(track(), -0.5, telemetry(), FRAME, "ellipsoid").position_enu[1], 0.0, atol=1e-3
+    )
+    for outside_s in (1.6, -0.6):
+        with pytest.raises(
+            InputError, match=r"drone\.srt: found telemetry from 0.000 s to 1.000 s of the video"
+        ):
+            pose_at(track(), outside_s, telemetry(), FRAME, "ellipsoid")
+
+
+def test_the_time_offset_is_added_to_the_telemetry() -> None:
+    later = telemetry(time_offset=10.0)
+    assert pose_at(track(), 10.25, later, FRAME, "ellipsoid").position_enu[1] == pytest.approx(25.0, abs=1e-3)
+    assert utc_ns(track(), 10.25, later) == 10**18 + 250_000_000
+    with pytest.raises(InputError, match=r"from 10\.000 s to 11\.000 s of the video"):
+        pose_at(track(), 0.25, later, FRAME, "ellipsoid")
+
+
+@pytest.mark.parametrize(
+    ("fields", "terrain_datum", "expected_m"),
+    [
+        ({}, "ellipsoid", 100.0),
+        ({"height_datum": "geoid"}, "geoid", 100.0),
+        ({"height_datum": "geoid", "geoid_undulation": 25.0}, "ellipsoid", 125.0),
+        ({"height_datum": "ellipsoid", "geoid_undulation": 25.0}, "geoid", 75.0),
+        ({"height": "relative", "takeoff_height": 80.0}, "ellipsoid", 90.0),
+        (
+            {"height": "relative", "takeoff_height": 80.0, "height_datum": "geoid", "geoid_undulation": -3.0},
+            "ellipsoid",
+            87.0,
+        ),
+    ],
+)
+def test_the_height_is_above_the_terrains_datum(
+    fields: dict[str, object], terrain_datum: str, expected_m: float
+) -> None:
+    assert height_m(terrain_datum, **fields) == pytest.approx(expected_m)
+
+
+def test_heights_above_different_datums_need_the_undulation() -> None:
+    with pytest.raises(
+        InputError,
+        match="heights above the geoid and a terrain above the ellipsoid; expected geoid_undulation",
+    ):
+        height_m(height_datum="geoid")
+
+
+def test_a_height_that_the_telemetry_lacks_is_named() -> None:
+    samples = track()
+    bare = Track(
+        0, samples.times_s, samples.latitude_deg, samples.longitude_deg, np.full(2, np.nan), np.full(2, 1.0),
+        samples.yaw_rad, samples.pitch_rad, samples.roll_rad,
+    )  # fmt: skip
+    with pytest.raises(
+        InputError, match="telemetry without absolute height; expected it, or height: relative"
+    ):
+        pose_at(bare, 0.0, telemetry(), FRAME, "ellipsoid")

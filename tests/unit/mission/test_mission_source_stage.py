@@ -1,0 +1,118 @@
+from fractions import Fraction
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+
+from pipeline.allocation.plan import Assignment
+from pipeline.config.mission import Telemetry
+from pipeline.geo.frame import LocalFrame
+from pipeline.ingest.track import Track
+from pipeline.ingest.video.file import open_video
+from pipeline.messages import EndOfStream, Message, Packet
+from pipeline.mission.stages.source import SourceStage, StreamInput
+from pipeline.mission.stages.virtual_link import VirtualLink
+
+FRAMES, RATE_HZ = 30, 30.0
+
+
+@pytest.fixture(scope="module")
+def video(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("source") / "noise.mp4"
+    rng = np.random.default_rng(1)
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("libx264", rate=Fraction(30))
+        stream.width, stream.height, stream.pix_fmt = 96, 64, "yuv420p"
+        for _ in range(FRAMES):
+            picture = av.VideoFrame.from_ndarray(
+                rng.integers(0, 256, (64, 96, 3), dtype=np.uint8), format="rgb24"
+            )
+            container.mux(stream.encode(picture))
+        container.mux(stream.encode())
+    return path
+
+
+def stream_input(video: Path, rate_hz: float) -> StreamInput:
+    n = FRAMES
+    zero = np.zeros(n)
+    track = Track(10**18, np.arange(n) / RATE_HZ, zero, zero, zero + 20.0, zero, zero, zero - 0.7, zero)
+    telemetry = Telemetry(file=Path("flight.srt"))
+    return StreamInput(
+        "v", "drone", open_video(video), track, telemetry, LocalFrame(0.0, 0.0), "ellipsoid", rate_hz, "h264"
+    )
+
+
+def assignment(detector: str, period: int = 1, phase: int = 0, bitrate_bps: float = 1e6) -> Assignment:
+    return Assignment("v", detector, detector, "m", "site", period, phase, bitrate_bps)
+
+
+def run(video: Path, assignments: list[Assignment], bandwidth_bps: float, rate_hz: float = 10.0):  # type: ignore[no-untyped-def]
+    sent: list[tuple[str, Message]] = []
+    link = VirtualLink({"site": bandwidth_bps}, lambda detector, message: sent.append((detector, message)))
+    stage = SourceStage(stream_input(video, rate_hz), tuple(assignments), link, max_backlog_s=0.5)
+    stage.run(lambda video_s: video_s)
+    return stage, sent, link
+
+
+def test_a_detector_of_period_p_and_phase_o_gets_the_frames_whose_tick_is_o_modulo_p(video: Path) -> None:
+    _, sent, _ = run(video, [assignment("a"), assignment("b", period=3, phase=1)], float("inf"))
+    indices = {d: [m.index for to, m in sent if to == d and isinstance(m, Packet)] for d in "ab"}
+    assert indices == {"a": list(range(0, 30, 3)), "b": [3, 12, 21]}
+
+
+def test_every_substream_ends_with_its_end_of_stream(video: Path) -> None:
+    _, sent, _ = run(video, [assignment("a"), assignment("b", period=2)], float("inf"))
+    for detector in "ab":
+        mine = [m for to, m in sent if to == detector]
+        assert mine[-1] == EndOfStream("v", detector)
+        assert all(isinstance(m, Packet) for m in mine[:-1])
+
+
+def test_captured_frames_are_those_not_sampled_and_those_due(video: Path) -> None:
+    stage, _, _ = run(video, [assignment("a")], float("inf"))
+    assert stage.count.captured == FRAMES == stage.count.not_sampled + len(stage.count.due)
+
+
+def test_a_link_that_is_too_slow_drops_frames_before_they_are_encoded_and_says_so(video: Path) -> None:
+    stage, sent, link = run(video, [assignment("a", bitrate_bps=2e6)], 2e5, rate_hz=30.0)
+    packets = [m for _, m in sent if isinstance(m, Packet)]
+    assert 0 < stage.count.frames_dropped["link_full"] == FRAMES - len(packets)
+    assert set(stage.count.dropped.values()) == {"link_full"}
+    assert sum(len(p.data) for p in packets) == link.bytes_sent["site"]
+
+
+def test_the_first_packet_of_a_substream_stands_alone(video: Path) -> None:
+    _, sent, _ = run(video, [assignment("a")], float("inf"))
+    assert isinstance(sent[0][1], Packet)
+    assert sent[0][1].keyframe
+
+
+def test_a_packet_carries_capture_time_and_what_the_link_needed(video: Path) -> None:
+    _, sent, _ = run(video, [assignment("a")], 1e6)
+    packets = [m for _, m in sent if isinstance(m, Packet)]
+    assert [p.time_ns - 10**18 for p in packets] == [pytest.approx(k * 1e8, abs=1e3) for k in range(10)]
+    assert all(p.link_s > 0 for p in packets[1:])
+
+
+def test_a_frame_that_comes_too_late_is_dropped_as_late(video: Path) -> None:
+    link = VirtualLink({"site": float("inf")}, lambda detector, message: None)
+    stage = SourceStage(stream_input(video, 10.0), (assignment("a"),), link, max_backlog_s=0.5)
+    stage.run(lambda video_s: video_s + 1.0)
+    assert stage.count.frames_dropped == {"source_late": 10}
+
+
+def test_a_refused_packet_makes_the_next_one_stand_alone(video: Path) -> None:
+    class Refusing(VirtualLink):
+        offers = 0
+
+        def send(self, site: str, detector: str, message: Message, now_s: float) -> bool:
+            self.offers += 1
+            return self.offers != 4 and super().send(site, detector, message, now_s)
+
+    sent: list[Packet] = []
+    link = Refusing({"site": float("inf")}, lambda _, m: sent.append(m) if isinstance(m, Packet) else None)
+    stage = SourceStage(stream_input(video, 30.0), (assignment("a"),), link, max_backlog_s=0.5)
+    stage.run(lambda video_s: video_s)
+    assert stage.count.frames_dropped == {"receiver_busy": 1}
+    assert [p.index for p in sent if p.keyframe][:2] == [0, 4]
