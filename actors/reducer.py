@@ -10,7 +10,6 @@ import numpy as np
 
 from pipeline.allocation.plan import Plan
 from pipeline.errors import SearchlightError, failure
-from pipeline.ingest.track import pose_at
 from pipeline.link.channel import Receiver
 from pipeline.messages import Detections, Message
 from pipeline.mission.local import make_reducer
@@ -93,7 +92,8 @@ class ReducerActor:
 def _warm_up(prepared: PreparedMission, plan: Plan) -> None:
     """Compile what the first result would have to wait for, on a map that is thrown away."""
     stream = prepared.streams[0]
-    pose = pose_at(stream.track, 0.0, stream.telemetry, stream.frame, stream.terrain_datum)
+    pose = stream.trajectory.pose(stream.trajectory.span_s[0])
+    assert pose is not None  # there is one at every sample
     detector = next(a.detector for a in plan.assignments if a.stream == stream.stream)
     box, score = np.array([[400.0, 200.0, 430.0, 260.0]]), np.array([0.9])
     scratch = make_reducer(prepared, plan, lateness=False)

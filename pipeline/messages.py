@@ -9,6 +9,7 @@ Pixels: x right, y down, (0, 0) is the *corner* of the first pixel; its centre i
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -26,11 +27,17 @@ MAX_MESSAGE_BYTES = 16 * 1024 * 1024
 class CameraPose:
     """Where the camera is and where it looks.
 
-    position_enu: float64 (3,), metres. enu_from_camera: float64 (3, 3), a rotation.
+    position_enu: float64 (3,), metres. enu_from_camera: float64 (3, 3), a rotation. horizontal_sd_m (each
+    axis), height_sd_m, attitude_sd_rad (each angle): standard deviations that the telemetry states for this
+    moment; NaN where it states none. focal_scale: focal length now over that of the stream's camera, > 0.
     """
 
     position_enu: FloatArray
     enu_from_camera: FloatArray
+    horizontal_sd_m: float = math.nan
+    height_sd_m: float = math.nan
+    attitude_sd_rad: float = math.nan
+    focal_scale: float = 1.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

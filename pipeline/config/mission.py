@@ -58,36 +58,94 @@ class Terrain(Strict):
     origin: MeshOrigin | None = None
 
 
+class Column(Strict):
+    """One column of a table. name: in the head, or a number from 1. unit, zone: absent, the usual ones.
+
+    zone: of a time, ``utc`` or an offset such as ``+02:00``.
+    """
+
+    name: str | int
+    unit: str | None = None
+    zone: str | None = None
+
+
+class Table(Strict):
+    """How a table is written; absent: found out. head_lines: lines before the first sample."""
+
+    delimiter: str | None = Field(default=None, min_length=1, max_length=1)
+    decimal: Literal[".", ","] | None = None
+    head_lines: int | None = Field(default=None, ge=0, le=1000)
+
+
+class FixedGimbal(Strict):
+    """Angles of a camera that is fixed, or whose gimbal stands still. Absent: those of the telemetry.
+
+    yaw: clockwise from north, or ``course`` (the way the drone flies), or ``aircraft`` (where its nose points,
+    plus the angle, if any, of ``mounting``).
+    """
+
+    pitch: Radians | None = None
+    roll: Radians | None = None
+    yaw: Radians | Literal["course", "aircraft"] | None = None
+
+
+class Mounting(Strict):
+    """Added to the angles of the telemetry: how the camera sits in what they are measured on."""
+
+    yaw: Radians = 0.0
+    pitch: Radians = 0.0
+    roll: Radians = 0.0
+
+
+class Angles(Strict):
+    """A second file, from which the camera's angles are taken. time_offset: as of the telemetry."""
+
+    file: Path
+    format: str = "auto"
+    time_offset: Seconds = 0.0
+
+
 class Telemetry(Strict):
     """Where the camera was. time_offset is added to the telemetry's time to get the video's.
 
-    height: which height field to use; ``absolute`` is above height_datum, ``relative`` above takeoff_height.
-    geoid_undulation: height of the geoid above the ellipsoid there, needed if the datums differ.
+    format: ``auto``, or the name of one that ``searchlight check`` lists. height: which height field to use;
+    ``absolute`` is above height_datum, ``relative`` above takeoff_height (absent: the ground under the first
+    sample). geoid_undulation: height of the geoid above the ellipsoid there; absent: of a geoid model.
+    utc_offset: local time minus UTC, where a file's times are local. yaw_offset: added to every yaw.
+    longest_gap: between two samples that a pose may be interpolated over.
     """
 
     file: Path
-    format: Literal["dji-srt"] = "dji-srt"
+    format: str = "auto"
     time_offset: Seconds = 0.0
+    utc_offset: Seconds | None = None
     height: Literal["absolute", "relative"] = "absolute"
-    height_datum: Datum = "ellipsoid"
+    height_datum: Datum | None = None
     takeoff_height: Meters | None = None
     geoid_undulation: Meters | None = None
-
-    @model_validator(mode="after")
-    def _relative_needs_takeoff(self) -> Telemetry:
-        if self.height == "relative" and self.takeoff_height is None:
-            raise mismatch("none", "a height, since telemetry.height is relative", ("takeoff_height",))
-        return self
+    columns: dict[str, Column] = Field(default_factory=dict)
+    table: Table = Table()
+    angles: Angles | None = None
+    gimbal: FixedGimbal = FixedGimbal()
+    mounting: Mounting = Mounting()
+    yaw_offset: Radians = 0.0
+    longest_gap: PositiveSeconds = 3.0
 
 
 class Stream(Strict):
-    """One video of one camera. site: where it is filmed, reached without a link's limit."""
+    """One video, or several recordings in a row, or a folder of stills, of one camera.
+
+    site: where it is filmed, reached without a link's limit. telemetry: absent, from the video's own tracks or
+    the stills' metadata. start, end: the part that is used, in time of the video.
+    """
 
     id: str = Field(pattern=r"^[A-Za-z0-9_.-]+$")
     video: Path
     telemetry: Telemetry
     camera: Path
     site: str
+    start: Seconds | None = None
+    end: Seconds | None = None
 
 
 class Delays(Strict):

@@ -11,7 +11,7 @@ from pydantic import BeforeValidator, Field
 from pipeline.config.base import mismatch
 
 _METERS = {"meters": 1.0, "centimeters": 0.01, "kilometers": 1000.0}
-_SECONDS = {"seconds": 1.0, "milliseconds": 1e-3, "microseconds": 1e-6, "minutes": 60.0}
+_SECONDS = {"seconds": 1.0, "milliseconds": 1e-3, "microseconds": 1e-6, "minutes": 60.0, "hours": 3600.0}
 _HERTZ = {"hertz": 1.0}
 _BPS = {"bps": 1.0, "kbps": 1e3, "mbps": 1e6, "gbps": 1e9}
 _RADIANS = {"degrees": math.pi / 180.0, "radians": 1.0}

@@ -14,7 +14,6 @@ import msgpack
 
 from pipeline.allocation.plan import Plan
 from pipeline.errors import ProtocolError
-from pipeline.ingest.track import pose_at
 from pipeline.messages import Detections, Message, pack, unpack
 from pipeline.mission.local import process
 from pipeline.mission.planning import plan
@@ -56,7 +55,9 @@ def _with_poses(prepared: PreparedMission, results: list[Detections]) -> list[De
     for result in results:
         s = streams[result.stream]
         time_s = result.index / s.video.frame_rate
-        pose = pose_at(s.track, time_s, s.telemetry, s.frame, s.terrain_datum)
+        pose = s.trajectory.pose(time_s)
+        if pose is None:
+            continue
         placed.append(replace(result, pose=pose))
     return placed
 

@@ -17,7 +17,7 @@ import yaml
 from pipeline.config.mission import Stream, Uncertainty
 from pipeline.config.scenario import PoseNoise
 from pipeline.geo.frame import LocalFrame
-from pipeline.ingest.telemetry.dji_srt import read_dji_srt
+from pipeline.ingest.registry import read_telemetry
 from pipeline.ingest.track import Track
 from pipeline.mission.prepared import prepare
 from pipeline.simulation.flight import Flight
@@ -91,7 +91,7 @@ def mission_with_pose_errors(mission: Path, folder: Path, number: int) -> Path:
 
 
 def _disturbed_srt(stream: Stream, frame: LocalFrame, rng: np.random.Generator) -> str:
-    track = read_dji_srt(stream.telemetry.file)
+    track = read_telemetry(stream.telemetry)
     told = disturbed(disturbed(_flight(track, frame), _SLOW, rng), _FAST, rng)
     start = datetime.fromtimestamp(0, UTC) + timedelta(microseconds=track.start_time_ns // 1000)
     takeoff_m = float(track.absolute_height_m[0] - track.relative_height_m[0])

@@ -12,7 +12,7 @@ from pipeline.config.pool import Pool
 from pipeline.detection import open_pool_detector
 from pipeline.errors import InputError
 from pipeline.geo.terrain import Terrain
-from pipeline.ingest.track import Track, pose_at
+from pipeline.ingest.track import Track
 from pipeline.ingest.video.file import VideoInfo
 from pipeline.mission.stages.source import StreamInput
 
@@ -34,7 +34,9 @@ def telemetry_covers(stream: Stream, video: VideoInfo, track: Track) -> None:
 def terrain_covers(mission: Mission, terrain: Terrain, stream: StreamInput) -> None:
     """Raises InputError unless there is known ground below the drone, once a second."""
     for time_s in np.arange(0.0, stream.video.duration_s - 1.0 / stream.video.frame_rate, 1.0):
-        pose = pose_at(stream.track, float(time_s), stream.telemetry, stream.frame, stream.terrain_datum)
+        pose = stream.trajectory.pose(float(time_s))
+        if pose is None:
+            continue
         east, north, up = pose.position_enu
         ground = terrain.height(east, north)
         where = f"{mission.terrain.file} under {stream.stream} at {time_s:.0f} s"

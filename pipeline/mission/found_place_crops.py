@@ -11,7 +11,6 @@ from matplotlib import image as matplotlib_image
 from pipeline.fusion.look import Look
 from pipeline.fusion.salient import SalientLocation
 from pipeline.geo.camera import Camera
-from pipeline.ingest.track import pose_at
 from pipeline.ingest.video.file import read_frames
 from pipeline.messages import FloatArray
 from pipeline.mission.prepared import PreparedMission
@@ -48,7 +47,9 @@ def _cut(stream: StreamInput, camera: Camera, looks: dict[int, Look]) -> list[tu
         return []
     pictures = []
     for index, time_s, image in read_frames(stream.path, frozenset(frame_of.values())):
-        pose = pose_at(stream.track, time_s, stream.telemetry, stream.frame, stream.terrain_datum)
+        pose = stream.trajectory.pose(time_s)
+        if pose is None:
+            continue
         for place in (p for p, i in frame_of.items() if i == index):
             pixel = camera.project_enu(looks[place].intersection_enu[None], pose)[0]
             pictures.append((place, _crop(image, pixel)))

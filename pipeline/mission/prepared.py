@@ -20,8 +20,8 @@ from pipeline.geo.frame import LocalFrame
 from pipeline.geo.search_area import load_search_area
 from pipeline.geo.surfaces import load_mesh
 from pipeline.geo.terrain import Terrain, frame_of, load_terrain
-from pipeline.ingest.telemetry.dji_srt import read_dji_srt
-from pipeline.ingest.track import pose_at, require_complete
+from pipeline.ingest.registry import read_telemetry
+from pipeline.ingest.trajectory import Trajectory, require_complete
 from pipeline.ingest.video.file import check_video, sampled_indices
 from pipeline.link.codec import require_codec
 from pipeline.mission.checks import models_load, sites_exist, telemetry_covers, terrain_covers
@@ -105,7 +105,7 @@ def _stream(
     path: Path, mission: Mission, stream: Stream, frame: LocalFrame, camera: Camera, thorough: bool
 ) -> StreamInput:
     video = check_video(stream.video, thorough)
-    track = read_dji_srt(stream.telemetry.file)
+    track = read_telemetry(stream.telemetry)
     require_complete(track, stream.telemetry.file)
     if (video.width, video.height) != (camera.width, camera.height):
         raise InputError(
@@ -118,10 +118,7 @@ def _stream(
         stream=stream.id,
         site=stream.site,
         video=video,
-        track=track,
-        telemetry=stream.telemetry,
-        frame=frame,
-        terrain_datum=mission.terrain.height_datum,
+        trajectory=Trajectory(track, stream.telemetry, frame, mission.terrain.height_datum),
         processing_rate_hz=mission.processing.frame_rate,
         codec=mission.processing.codec,
     )
@@ -135,8 +132,9 @@ def _person_px(terrain: Terrain, camera: Camera, stream: StreamInput) -> float:
     """The size of a person to be expected in the stream's pictures: the median over its seconds."""
     sizes = []
     for time_s in np.arange(0.0, stream.video.duration_s, 1.0):
-        last_s = min(float(time_s), float(stream.track.times_s[-1]))
-        pose = pose_at(stream.track, last_s, stream.telemetry, stream.frame, stream.terrain_datum)
+        pose = stream.trajectory.pose(float(time_s))
+        if pose is None:
+            continue
         east, north, up = pose.position_enu
         pitch_rad = float(np.arcsin(pose.enu_from_camera[2, 2]))
         sizes.append(expected_person_px(up - terrain.height(east, north), pitch_rad, camera.fy))

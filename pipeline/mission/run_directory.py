@@ -12,7 +12,6 @@ import numpy as np
 from pipeline.allocation.gantt import gantt
 from pipeline.allocation.plan import plan_to_json
 from pipeline.fusion.salient import SalientLocation, locations_of_all_classes
-from pipeline.ingest.track import pose_at
 from pipeline.messages import FloatArray
 from pipeline.mission.found_place_crops import found_place_crops
 from pipeline.mission.ledger import stream_account, substream_counts
@@ -102,6 +101,5 @@ def _track(prepared: PreparedMission, stream: str) -> FloatArray:
     s = next(s for s in prepared.streams if s.stream == stream)
     last_s = (s.video.frames - 1) / s.video.frame_rate
     times = np.arange(0.0, last_s, 0.5)
-    return np.stack(
-        [pose_at(s.track, float(t), s.telemetry, s.frame, s.terrain_datum).position_enu for t in times]
-    )
+    poses = [pose for t in times if (pose := s.trajectory.pose(float(t))) is not None]
+    return np.array([pose.position_enu for pose in poses]).reshape(-1, 3)

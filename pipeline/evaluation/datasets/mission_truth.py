@@ -13,8 +13,8 @@ from pipeline.evaluation.datasets.coco import CocoOptions, read_coco
 from pipeline.evaluation.datasets.dataset import DataSet, Picture, joined
 from pipeline.evaluation.datasets.fault_log import FaultLog
 from pipeline.geo.terrain import Terrain, frame_of, load_terrain
-from pipeline.ingest.telemetry.dji_srt import read_dji_srt
-from pipeline.ingest.track import pose_at, require_complete
+from pipeline.ingest.registry import read_telemetry
+from pipeline.ingest.trajectory import Trajectory, require_complete
 from pipeline.sensor.expected_size import expected_person_px
 
 _TERRAIN_CELL_M = 1.0
@@ -40,15 +40,16 @@ def read_mission(path: Path, options: CocoOptions, faults: FaultLog) -> DataSet:
 
 def _with_context(dataset: DataSet, mission: Mission, stream: Stream, terrain: Terrain) -> DataSet:
     """With the expected size of a person in every picture, from the telemetry and the ground below."""
-    track = read_dji_srt(stream.telemetry.file)
+    track = read_telemetry(stream.telemetry)
     require_complete(track, stream.telemetry.file)
+    trajectory = Trajectory(track, stream.telemetry, terrain.frame, mission.terrain.height_datum)
     focal_px = load_camera(stream.camera).fy
     rate = dataset.sequences[0].frame_rate or 1.0
 
     def seen(picture: Picture) -> Picture:
-        pose = pose_at(
-            track, picture.frame / rate, stream.telemetry, terrain.frame, mission.terrain.height_datum
-        )
+        pose = trajectory.pose(picture.frame / rate)
+        if pose is None:
+            return picture
         east, north, up = (float(x) for x in pose.position_enu)
         height_m = up - terrain.height(east, north)
         if math.isnan(height_m):

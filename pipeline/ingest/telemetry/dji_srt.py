@@ -76,8 +76,16 @@ def read_dji_srt(path: Path) -> Track:
         columns["longitude"],
         columns["absolute_height"],
         columns["relative_height"],
-        *(np.radians(columns[name]) for name in ("yaw", "pitch", "roll")),
+        np.radians(columns["yaw"]),
+        np.radians(columns["pitch"]),
+        np.radians(columns["roll"]),
+        clock="unknown" if start_ns is None else "utc",
     )
+
+
+def is_dji_srt(path: Path, head: bytes) -> bool:
+    """Whether a file is subtitles, by its name."""
+    return path.suffix.lower() == ".srt"
 
 
 def _text(path: Path) -> str:

@@ -11,9 +11,7 @@ from pathlib import Path
 from typing import Protocol
 
 from pipeline.allocation.plan import Assignment
-from pipeline.config.mission import Datum, Telemetry
-from pipeline.geo.frame import LocalFrame
-from pipeline.ingest.track import Track, pose_at, utc_ns
+from pipeline.ingest.trajectory import Trajectory
 from pipeline.ingest.video.file import VideoInfo, read_frames, sampled_indices
 from pipeline.link.codec import Codec, Encoder
 from pipeline.messages import EndOfStream, Frame, Message, Packet
@@ -29,10 +27,7 @@ class StreamInput:
     stream: str
     site: str
     video: VideoInfo
-    track: Track
-    telemetry: Telemetry
-    frame: LocalFrame
-    terrain_datum: Datum
+    trajectory: Trajectory
     processing_rate_hz: float
     codec: Codec
 
@@ -44,7 +39,7 @@ class StreamInput:
     @property
     def start_ns(self) -> int:
         """When the video starts, ns UTC."""
-        return utc_ns(self.track, 0.0, self.telemetry)
+        return self.trajectory.utc_ns(0.0)
 
 
 class Link(Protocol):
@@ -106,14 +101,17 @@ class SourceStage:
 
     def frames(self) -> Iterator[Frame]:
         """The frames on the processing clock, with their poses."""
-        video, track = self.stream.video, self.stream.track
+        video, trajectory = self.stream.video, self.stream.trajectory
         wanted = sampled_indices(video.frames, video.frame_rate, self.stream.processing_rate_hz)
         ticks = {int(index): tick for tick, index in enumerate(wanted)}
         self.count.captured = video.frames
         self.count.not_sampled = video.frames - len(ticks)
         for index, time_s, image in read_frames(self.stream.path, frozenset(ticks)):
-            pose = pose_at(track, time_s, self.stream.telemetry, self.stream.frame, self.stream.terrain_datum)
-            time_ns = utc_ns(track, time_s, self.stream.telemetry)
+            pose, time_ns = trajectory.pose(time_s), trajectory.utc_ns(time_s)
+            if pose is None:
+                self.count.due[index] = ()
+                self.count.frames_dropped["no_pose"] += 1
+                continue
             yield Frame(self.stream.stream, index, ticks[index], time_ns, pose, image)
 
     def offer(self, frame: Frame, now_s: float, late: bool = False) -> None:

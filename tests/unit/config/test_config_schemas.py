@@ -63,13 +63,6 @@ def test_records_are_frozen(write: Write) -> None:
 @pytest.mark.parametrize(
     ("kind", "old", "new", "where", "expected"),
     [
-        (
-            "mission",
-            "file: drone-1.srt",
-            "file: drone-1.srt\n      height: relative",
-            "takeoff_height",
-            "a height",
-        ),
         ("mission", "{milliseconds: 40}", "{seconds: .inf}", "time_offset", "at most"),
         ("mission", "{milliseconds: 40}", "40", "time_offset", "{seconds: NUMBER}"),
         (

@@ -1,4 +1,3 @@
-# ruff: noqa: E501
 """Results with chosen figures, for what is made of results."""
 
 from __future__ import annotations

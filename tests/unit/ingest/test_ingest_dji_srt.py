@@ -7,7 +7,7 @@ import pytest
 
 from pipeline.errors import InputError
 from pipeline.ingest.telemetry.dji_srt import read_dji_srt
-from pipeline.ingest.track import require_complete
+from pipeline.ingest.trajectory import require_complete
 
 SHARED = Path(__file__).parents[4] / "shared/data/telemetry"
 CUE = """{number}

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from pipeline.link import codec as codec_module
 
 from pipeline.errors import InputError
+from pipeline.link import codec as codec_module
 from pipeline.link.codec import Decoder, Encoded, Encoder, available_codecs, require_codec
 
 WIDTH, HEIGHT, RATE_HZ = 320, 192, 30.0

@@ -6,11 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.config.mission import Telemetry
+from pipeline.config.mission import Datum, Telemetry
 from pipeline.errors import InputError
 from pipeline.geo.frame import LocalFrame
 from pipeline.geo.pose import enu_from_camera
-from pipeline.ingest.track import Track, pose_at, utc_ns
+from pipeline.ingest.track import Track
+from pipeline.ingest.trajectory import Trajectory
+from pipeline.messages import CameraPose
 
 FRAME = LocalFrame(59.0, 15.0)
 FILE = Path("drone.srt")
@@ -31,12 +33,23 @@ def telemetry(**fields: object) -> Telemetry:
     )
 
 
+def at(
+    time_s: float, samples: Track | None = None, terrain_datum: Datum = "ellipsoid", **fields: object
+) -> CameraPose:
+    trajectory = Trajectory(
+        track() if samples is None else samples, telemetry(**fields), FRAME, terrain_datum
+    )
+    pose = trajectory.pose(time_s)
+    assert pose is not None
+    return pose
+
+
 def height_m(terrain_datum: str = "ellipsoid", **fields: object) -> float:
-    return float(pose_at(track(), 0.0, telemetry(**fields), FRAME, terrain_datum).position_enu[2])  # type: ignore[arg-type]
+    return float(at(0.0, terrain_datum=terrain_datum, **fields).position_enu[2])  # type: ignore[arg-type]
 
 
 def test_the_pose_between_two_samples_is_linear() -> None:
-    pose = pose_at(track(), 0.25, telemetry(), FRAME, "ellipsoid")
+    pose = at(0.25)
     np.testing.assert_allclose(pose.position_enu, [0.0, 25.0, 105.0], atol=1e-3)
     np.testing.assert_allclose(
         pose.enu_from_camera, enu_from_camera(math.radians(22.5), math.radians(-45.0), 0.0), atol=1e-12
@@ -47,31 +60,26 @@ def test_the_pose_between_two_samples_is_linear() -> None:
     ("yaw_deg", "middle_deg"), [((170.0, -170.0), 180.0), ((350.0, 10.0), 0.0), ((10.0, -30.0), -10.0)]
 )
 def test_angles_turn_the_shorter_way(yaw_deg: tuple[float, float], middle_deg: float) -> None:
-    pose = pose_at(track(yaw_deg), 0.5, telemetry(), FRAME, "ellipsoid")
+    pose = at(0.5, track(yaw_deg))
     expected = enu_from_camera(math.radians(middle_deg), math.radians(-45.0), 0.0)
     np.testing.assert_allclose(pose.enu_from_camera, expected, atol=1e-12)
 
 
 def test_the_ends_are_held_for_half_a_sample_and_no_longer() -> None:
-    np.testing.assert_allclose(
-        pose_at(track(), 1.5, telemetry(), FRAME, "ellipsoid").position_enu[1], 100.0, atol=1e-3
-    )
-    np.testing.assert_allclose(
-        pose_at(track(), -0.5, telemetry(), FRAME, "ellipsoid").position_enu[1], 0.0, atol=1e-3
-    )
-    for outside_s in (1.6, -0.6):
-        with pytest.raises(
-            InputError, match=r"drone\.srt: found telemetry from 0.000 s to 1.000 s of the video"
-        ):
-            pose_at(track(), outside_s, telemetry(), FRAME, "ellipsoid")
+    np.testing.assert_allclose(at(1.5).position_enu[1], 100.0, atol=1e-3)
+    np.testing.assert_allclose(at(-0.5).position_enu[1], 0.0, atol=1e-3)
+    still = Trajectory(track(), telemetry(), FRAME, "ellipsoid")
+    assert still.pose(1.6) is None
+    assert still.pose(-0.6) is None
 
 
 def test_the_time_offset_is_added_to_the_telemetry() -> None:
-    later = telemetry(time_offset=10.0)
-    assert pose_at(track(), 10.25, later, FRAME, "ellipsoid").position_enu[1] == pytest.approx(25.0, abs=1e-3)
-    assert utc_ns(track(), 10.25, later) == 10**18 + 250_000_000
-    with pytest.raises(InputError, match=r"from 10\.000 s to 11\.000 s of the video"):
-        pose_at(track(), 0.25, later, FRAME, "ellipsoid")
+    later = Trajectory(track(), telemetry(time_offset=10.0), FRAME, "ellipsoid")
+    pose = later.pose(10.25)
+    assert pose is not None
+    assert pose.position_enu[1] == pytest.approx(25.0, abs=1e-3)
+    assert later.utc_ns(10.25) == 10**18 + 250_000_000
+    assert later.pose(0.25) is None
 
 
 @pytest.mark.parametrize(
@@ -112,4 +120,4 @@ def test_a_height_that_the_telemetry_lacks_is_named() -> None:
     with pytest.raises(
         InputError, match="telemetry without absolute height; expected it, or height: relative"
     ):
-        pose_at(bare, 0.0, telemetry(), FRAME, "ellipsoid")
+        at(0.0, bare)

@@ -1,0 +1,64 @@
+"""The formats of telemetry: which there are, which one a file is in, and reading it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from pipeline.config.mission import Telemetry
+from pipeline.errors import InputError
+from pipeline.ingest.telemetry.dji_srt import is_dji_srt, read_dji_srt
+from pipeline.ingest.track import Track
+
+#: a format is recognised by the file's name and so many of its first bytes
+HEAD_BYTES = 65_536
+
+
+@dataclass(frozen=True)
+class TelemetryFormat:
+    """name: in the mission file. title: for people. recognises(path, first bytes). read(telemetry)."""
+
+    name: str
+    title: str
+    recognises: Callable[[Path, bytes], bool]
+    read: Callable[[Telemetry], Track]
+
+
+#: tried in this order; one file per format in ``pipeline/ingest/telemetry``
+TELEMETRY_FORMATS = (
+    TelemetryFormat("dji-srt", "DJI subtitles (SRT)", is_dji_srt, lambda t: read_dji_srt(t.file)),
+)
+
+
+def read_telemetry(telemetry: Telemetry) -> Track:
+    """The samples of a telemetry file. Raises InputError if its format is not known or it cannot be read."""
+    return format_of(telemetry).read(telemetry)
+
+
+def format_of(telemetry: Telemetry) -> TelemetryFormat:
+    """The format named in the mission, or the one that the file is in."""
+    names = {known.name: known for known in TELEMETRY_FORMATS}
+    if telemetry.format != "auto":
+        if telemetry.format not in names:
+            raise InputError("telemetry.format", repr(telemetry.format), f"auto or one of {', '.join(names)}")
+        return names[telemetry.format]
+    head = _head(telemetry.file)
+    for known in TELEMETRY_FORMATS:
+        if known.recognises(telemetry.file, head):
+            return known
+    raise InputError(
+        telemetry.file,
+        "telemetry of an unknown format",
+        f"one of {', '.join(known.title for known in TELEMETRY_FORMATS)}",
+    )
+
+
+def _head(path: Path) -> bytes:
+    try:
+        with path.open("rb") as file:
+            return file.read(HEAD_BYTES)
+    except FileNotFoundError:
+        raise InputError(path, "no file", "a telemetry file") from None
+    except OSError as error:
+        raise InputError(path, f"a file that cannot be read ({error.strerror})", "a telemetry file") from None
