@@ -6,6 +6,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from enum import StrEnum
+from importlib.metadata import version as installed_version
 from pathlib import Path
 from typing import Annotated
 
@@ -24,6 +25,21 @@ experiment_allocation.register(experiment.app)
 app.add_typer(experiment.app, name="experiment")
 evaluate.register(app)
 pool.register(app)
+
+
+def _print_version(asked: bool) -> None:
+    if asked:
+        print(f"searchlight {installed_version('searchlight')}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", is_eager=True, callback=_print_version, help="Print the version.")
+    ] = False,
+) -> None:
+    """Find people in the video of search drones, and say where they are."""
 
 
 class Pace(StrEnum):
@@ -84,19 +100,30 @@ def run(
     from pipeline.mission.planning import plan
     from pipeline.mission.prepared import prepare
     from pipeline.mission.run_directory import write_run_directory
-    from pipeline.storage.whole_or_nothing import check_run_directory
+    from pipeline.storage.claim import claimed
 
-    check_run_directory(out)
-    prepared = prepare(mission)
-    with _progress("frames") as progress:
-        if local:
-            finished = run_local(prepared, plan(prepared), progress)
-        else:
-            options = RunOptions(pace.value, address, metrics_port, metrics_host)
-            finished = run_on_ray(prepared, options, progress, _say)
-    summary = write_run_directory(prepared, finished, out)
+    with claimed(out):
+        prepared = prepare(mission)
+        with _progress("frames") as progress:
+            if local:
+                finished = run_local(prepared, plan(prepared), progress)
+            else:
+                options = RunOptions(pace.value, address, metrics_port, metrics_host)
+                finished = run_on_ray(prepared, options, progress, _say)
+        summary = write_run_directory(prepared, finished, out)
     _print_people(summary)
     _say(f"{summary.video_seconds:.1f} s of video in {summary.seconds:.1f} s; see {out / 'report.html'}")
+
+
+@app.command()
+def demo(
+    out: Annotated[Path, typer.Option(help="Run directory; new, empty, or of an earlier run.")],
+    local: Annotated[bool, typer.Option("--local", help="In one process, without Ray.")] = False,
+) -> None:
+    """Run the demo that comes with Searchlight: two drones over simulated country."""
+    from pipeline.config.shipped import shipped
+
+    run(shipped("missions", "demo", "mission.yaml"), out, local=local)
 
 
 @app.command()

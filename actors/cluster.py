@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 
 from actors.site import all_sites, require_sites
-from pipeline.errors import InputError
+from pipeline.errors import InputError, RunFailedError
 
 
 @contextmanager
@@ -50,18 +50,23 @@ def _local(sites: tuple[str, ...]) -> Iterator[str]:
     # Ray's sockets must have short paths
     folder = tempfile.mkdtemp(prefix="searchlight-", dir="/tmp" if os.path.isdir("/tmp") else None)
     try:
-        ray.init(
-            address="local",
-            num_cpus=os.cpu_count(),
-            resources=all_sites(sites),
-            include_dashboard=False,
-            log_to_driver=False,
-            logging_level=logging.ERROR,
-            namespace="searchlight",
-            _node_ip_address="127.0.0.1",
-            _temp_dir=folder,
-            object_store_memory=256 * 1024 * 1024,
-        )
+        try:
+            ray.init(
+                address="local",
+                num_cpus=os.cpu_count(),
+                resources=all_sites(sites),
+                include_dashboard=False,
+                log_to_driver=False,
+                logging_level=logging.ERROR,
+                namespace="searchlight",
+                _node_ip_address="127.0.0.1",
+                _temp_dir=folder,
+                object_store_memory=256 * 1024 * 1024,
+            )
+        except (RuntimeError, ConnectionError, OSError) as error:
+            # on a machine that is busy beyond measure Ray gives up waiting for its own parts
+            reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+            raise RunFailedError(f"Ray did not start ({reason}); try again, or run with --local") from None
         yield "127.0.0.1"
     finally:
         ray.shutdown()

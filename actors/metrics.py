@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from wsgiref.simple_server import WSGIServer
 
 from prometheus_client import CollectorRegistry, start_http_server
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, HistogramMetricFamily, Metric
@@ -14,6 +14,7 @@ from prometheus_client.registry import Collector
 from actors.reducer import ReducerStatus
 from actors.source import SourceStatus
 from pipeline.allocation.plan import Plan
+from pipeline.errors import InputError
 from pipeline.mission.stages.reducer import LATENCY_BUCKETS_S
 
 
@@ -28,27 +29,36 @@ class Snapshot:
 
 
 class RunCollector(Collector):
-    """Turns the snapshot into metrics at each scrape."""
+    """Turns the snapshot into metrics at each scrape; there are none before there is a plan."""
 
-    def __init__(self, snapshot: Snapshot) -> None:
+    def __init__(self, snapshot: Snapshot | None = None) -> None:
         self.snapshot = snapshot
 
     def collect(self) -> Iterable[Metric]:
         """All metrics of the run; their names begin with searchlight_."""
-        yield from _plan_metrics(self.snapshot.plan)
-        yield from _frame_metrics(self.snapshot)
-        yield from _link_metrics(self.snapshot)
-        if self.snapshot.reducer is not None:
-            yield from _result_metrics(self.snapshot.reducer)
+        snapshot = self.snapshot
+        if snapshot is None:
+            return
+        yield from _plan_metrics(snapshot.plan)
+        yield from _frame_metrics(snapshot)
+        yield from _link_metrics(snapshot)
+        if snapshot.reducer is not None:
+            yield from _result_metrics(snapshot.reducer)
 
 
-def serve(snapshot: Snapshot, port: int, host: str = "127.0.0.1") -> tuple[RunCollector, Any]:
-    """Serve /metrics; set the collector's snapshot to change what it shows. port 0: any free one."""
+def serve(collector: RunCollector, port: int, host: str = "127.0.0.1") -> WSGIServer:
+    """Serve /metrics; set the collector's snapshot to change what it shows. port 0: any free one.
+
+    Raises InputError for a port or an interface that cannot be had.
+    """
     registry = CollectorRegistry()
-    collector = RunCollector(snapshot)
     registry.register(collector)
-    server, _ = start_http_server(port, addr=host, registry=registry)
-    return collector, server
+    try:
+        server, _ = start_http_server(port, addr=host, registry=registry)
+    except (OSError, OverflowError) as error:
+        found = f"{host}:{port}, which cannot be served ({getattr(error, 'strerror', None) or error})"
+        raise InputError("--metrics-port, --metrics-host", found, "a free port, or 0 for any") from None
+    return server
 
 
 def _plan_metrics(plan: Plan) -> Iterable[Metric]:

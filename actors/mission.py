@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import secrets
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
 
 from actors.cluster import cluster
 from actors.machine import MachineActor
-from actors.metrics import Snapshot, serve
+from actors.metrics import RunCollector, Snapshot, serve
 from actors.reducer import ReducerActor
 from actors.scheduler import SchedulerActor
 from actors.site import placement
@@ -44,14 +45,41 @@ def run_on_ray(
     say: Callable[[str], None],
 ) -> FinishedRun:
     """Plan and run. progress(stream, frames done, frames in all); say(one line) for each phase."""
-    say("starting Ray" if options.address is None else f"joining Ray at {options.address}")
+    with _metrics(options, say) as collector:
+        say("starting Ray" if options.address is None else f"joining Ray at {options.address}")
+        return _run(prepared, options, collector, progress, say)
+
+
+def _run(
+    prepared: PreparedMission,
+    options: RunOptions,
+    collector: RunCollector,
+    progress: Callable[[str, int, int], None],
+    say: Callable[[str], None],
+) -> FinishedRun:
     with cluster(options.address, [site.id for site in prepared.inventory.sites]) as host:
         wiring = _Wiring(prepared, options, host)
         say("planning")
         plan = wiring.plan()
         say(f"plan: {plan.status}, objective {plan.objective:.4g}, {len(plan.assignments)} substreams")
         wiring.start(plan)
-        return wiring.supervise(plan, progress, say)
+        return wiring.supervise(plan, progress, collector)
+
+
+@contextmanager
+def _metrics(options: RunOptions, say: Callable[[str], None]) -> Iterator[RunCollector]:
+    """The collector behind /metrics, which is served, if asked for, before anything else is started."""
+    collector = RunCollector()
+    if options.metrics_port is None:
+        yield collector
+        return
+    server = serve(collector, options.metrics_port, options.metrics_host)
+    say(f"metrics at http://{options.metrics_host}:{server.server_port}/metrics")
+    try:
+        yield collector
+    finally:
+        server.shutdown()
+        server.server_close()
 
 
 class _Wiring:
@@ -97,27 +125,17 @@ class _Wiring:
             _get(self._sources[s.stream].start.remote(addresses, self._options.pace, start_s + offset_s))
 
     def supervise(
-        self, plan: Plan, progress: Callable[[str, int, int], None], say: Callable[[str], None]
+        self, plan: Plan, progress: Callable[[str, int, int], None], collector: RunCollector
     ) -> FinishedRun:
-        collector, server = None, None
         snapshot = Snapshot(plan, bandwidth_bps=self._used_links(plan))
-        if self._options.metrics_port is not None:
-            collector, server = serve(snapshot, self._options.metrics_port, self._options.metrics_host)
-            say(f"metrics at http://{self._options.metrics_host}:{server.server_port}/metrics")
-        try:
-            while True:
-                snapshot = self._snapshot(snapshot)
-                if collector is not None:
-                    collector.snapshot = snapshot
-                for source in snapshot.sources.values():
-                    progress(source.stream, source.frames_done, source.frames_total)
-                if self._is_done(snapshot):
-                    return self._result(plan, snapshot)
-                time.sleep(POLL_S)
-        finally:
-            if server is not None:
-                server.shutdown()
-                server.server_close()
+        while True:
+            snapshot = self._snapshot(snapshot)
+            collector.snapshot = snapshot
+            for source in snapshot.sources.values():
+                progress(source.stream, source.frames_done, source.frames_total)
+            if self._is_done(snapshot):
+                return self._result(plan, snapshot)
+            time.sleep(POLL_S)
 
     def _start_machines(self, plan: Plan, realtime: bool) -> dict[str, tuple[str, int]]:
         reducer_address = _get(self._reducer.address.remote())

@@ -10,6 +10,7 @@ from typing import Any, Literal, get_args
 from pipeline.allocation.problem import Problem
 from pipeline.errors import InputError
 from pipeline.link.codec import Codec
+from pipeline.storage.versions import require_version, stamp
 
 Status = Literal["optimal", "feasible", "infeasible", "unknown"]
 PLAN_COLUMNS = ("stream", "detector", "machine", "site", "every", "first frame", "bitrate", "link use")
@@ -79,7 +80,7 @@ def _level(problem: Problem, assignment: Assignment) -> int:
 
 def plan_to_json(plan: Plan, problem: Problem) -> str:
     """The plan, and the limits it was made under, as a JSON document."""
-    document = {"plan": asdict(plan), "problem": _limits(problem)}
+    document = stamp("plan") | {"plan": asdict(plan), "problem": _limits(problem)}
     return json.dumps(document, indent=2, allow_nan=False) + "\n"
 
 
@@ -111,13 +112,15 @@ def _finite(value: float) -> float | None:
 def plan_from_json(text: str, where: object) -> Plan:
     """The plan of a document written by plan_to_json. Raises InputError; ``where`` names the file."""
     try:
-        record = json.loads(text)["plan"]
+        document = json.loads(text)
+        record = document["plan"]
         record["assignments"] = tuple(Assignment(**a) for a in record["assignments"])
         plan = Plan(**record)
     except (ValueError, KeyError, TypeError) as error:
         raise InputError(
             where, f"a document that is no plan ({error})", "a file written as plan.json"
         ) from None
+    require_version(document, "plan", where)
     if plan.status not in get_args(Status):
         raise InputError(f"{where} plan.status", repr(plan.status), f"one of {', '.join(get_args(Status))}")
     return plan

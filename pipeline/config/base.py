@@ -15,6 +15,8 @@ from pydantic_core import ErrorDetails, PydanticCustomError
 from pipeline.errors import InputError
 
 _MISMATCH = "mismatch"
+#: of every YAML format; written by what writes them, another one is refused
+FORMAT_VERSION = 1
 
 
 def mismatch(found: str, expected: str, at: Sequence[str | int] = ()) -> PydanticCustomError:
@@ -51,10 +53,18 @@ def refuse_repeated(kind: str, names: Sequence[object], at: str) -> None:
 
 
 def load(path: Path, schema: type[S]) -> S:
-    """The record in a YAML file. Raises InputError naming file, line and field."""
+    """The record in a YAML file. Raises InputError naming file, line and field.
+
+    The file may say ``version: 1``, the version of its format; files from before versions say nothing.
+    """
     node = _parse(path)
+    document = _plain(path, node)
+    version = document.pop("version", FORMAT_VERSION)
+    if type(version) is not int or version != FORMAT_VERSION:
+        where = f"{path}:{_line(node, ('version',))} version"
+        raise InputError(where, _short(version), f"{FORMAT_VERSION}, the format that this Searchlight reads")
     try:
-        return schema.model_validate(_plain(path, node))
+        return schema.model_validate(document)
     except ValidationError as error:
         raise _input_error(path, node, error.errors(include_url=False)[0]) from None
 

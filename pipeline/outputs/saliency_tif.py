@@ -11,6 +11,7 @@ from rasterio.transform import from_origin
 from rasterio.windows import Window
 
 from pipeline.fusion.voxel_map import VoxelMap
+from pipeline.storage.versions import stamp
 from pipeline.storage.whole_or_nothing import replacing
 
 BANDS = (
@@ -62,6 +63,7 @@ def write_saliency(path: Path, voxel_map: VoxelMap) -> None:
             strip = slice(max(rows.stop - top - _TILE, rows.start), rows.stop - top)
             bands = _bands(voxel_map, (strip, columns), newest_ns)
             target.write(bands, window=Window(0, top, bands.shape[2], bands.shape[1]))
+        target.update_tags(**{key.upper(): str(value) for key, value in stamp("map").items()})
         target.descriptions = tuple(name for name, _ in BANDS)
         target.units = tuple(unit for _, unit in BANDS)
 

@@ -11,6 +11,7 @@ from pipeline.fusion.error_ellipse import PROBABILITY, ErrorEllipse
 from pipeline.fusion.salient import SalientLocation
 from pipeline.outputs.truth import TruthMatch
 from pipeline.outputs.utc import iso_utc
+from pipeline.storage.versions import stamp
 from pipeline.storage.whole_or_nothing import write_text
 
 # 8 decimals of a degree are about 1 mm
@@ -24,7 +25,7 @@ def write_salient(path: Path, locations: Sequence[SalientLocation], match: Truth
     """
     distance_m = {} if match is None else match.distance_m
     features = [_feature(location, distance_m.get(location.id)) for location in locations]
-    collection = {"type": "FeatureCollection", "features": features}
+    collection = {"type": "FeatureCollection"} | stamp("places") | {"features": features}
     write_text(path, json.dumps(collection, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
 
 

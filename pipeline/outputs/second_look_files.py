@@ -14,6 +14,7 @@ from pipeline.geo.frame import LocalFrame
 from pipeline.messages import FloatArray
 from pipeline.second_look.areas import SecondLookArea
 from pipeline.second_look.flight import SecondFlight
+from pipeline.storage.versions import stamp
 from pipeline.storage.whole_or_nothing import write_text
 
 # MAV_CMD, MAV_FRAME, MAV_AUTOPILOT and MAV_TYPE of MAVLink's common message set
@@ -26,7 +27,7 @@ _RELATIVE_TO_HOME = 1
 
 def write_second_look(path: Path, areas: Sequence[SecondLookArea], frame: LocalFrame) -> None:
     """Write a Polygon per area, the most worth first (RFC 7946)."""
-    _write(path, {"type": "FeatureCollection", "features": [_area(area, frame) for area in areas]})
+    _write(path, _collection([_area(area, frame) for area in areas]))
 
 
 def write_second_flight(path: Path, flight: SecondFlight, frame: LocalFrame) -> None:
@@ -41,7 +42,7 @@ def write_second_flight(path: Path, flight: SecondFlight, frame: LocalFrame) -> 
             "areas": list(flight.order),
         },
     }
-    _write(path, {"type": "FeatureCollection", "features": [line] if flight.waypoints else []})
+    _write(path, _collection([line] if flight.waypoints else []))
 
 
 def write_qgc_plan(path: Path, flight: SecondFlight, frame: LocalFrame, params: SecondLook) -> None:
@@ -119,6 +120,10 @@ def _degrees(points: FloatArray, frame: LocalFrame) -> list[list[float]]:
     latitude, longitude = frame.wgs84_from_enu(points[:, 0], points[:, 1])
     columns = [np.round(longitude, 8), np.round(latitude, 8), *(np.round(h, 2) for h in points[:, 2:].T)]
     return np.stack(columns, axis=1).tolist()
+
+
+def _collection(features: list[dict[str, Any]]) -> dict[str, Any]:
+    return {"type": "FeatureCollection"} | stamp("second look") | {"features": features}
 
 
 def _write(path: Path, document: dict[str, Any]) -> None:

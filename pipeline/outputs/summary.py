@@ -15,6 +15,7 @@ from pipeline.outputs.accounting import StreamAccount
 from pipeline.outputs.salient_geojson import ellipse_json
 from pipeline.outputs.truth import MATCH_RADIUS_M, TruthMatch
 from pipeline.outputs.utc import iso_utc
+from pipeline.storage.versions import stamp
 from pipeline.storage.whole_or_nothing import WRITTEN_BY, write_text
 
 
@@ -110,7 +111,7 @@ def write_summary(path: Path, summary: Summary) -> None:
 
 def summary_to_json(summary: Summary) -> dict[str, Any]:
     """The summary as plain values; nothing but the record's own fields gets in."""
-    content = {
+    content = stamp("summary") | {
         "written_by": WRITTEN_BY,
         "mission": summary.mission,
         "mission_file": summary.mission_file,

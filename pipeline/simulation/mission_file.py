@@ -9,6 +9,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from pipeline.config.base import FORMAT_VERSION
 from pipeline.config.scenario import Scenario
 
 #: unit of each quantity in a mission file, by its key
@@ -50,6 +51,7 @@ def mission_document(scenario: Scenario, folder: Path) -> dict[str, Any]:
     """What mission.yaml says. folder: where the file will stand; the paths in it are relative to that."""
     part = scenario.mission
     return {
+        "version": FORMAT_VERSION,
         "name": scenario.name,
         "terrain": {"file": "terrain.tif", "height_datum": "ellipsoid"},
         "streams": [_stream(drone_name(k)) for k in range(scenario.flight.drones)],

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import shutil
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,6 +17,8 @@ from pipeline.errors import InputError
 #: the file that marks a folder as one of our run directories, and the value of its key ``written_by``
 SUMMARY_FILE = "summary.json"
 WRITTEN_BY = "searchlight run"
+#: a disk with less than this is full
+_LEAST_FREE_BYTES = 65_536
 
 
 @contextmanager
@@ -59,6 +63,19 @@ def check_run_directory(path: Path) -> None:
     if not usable:
         found = "a folder with other files" if path.is_dir() else "a file"
         raise InputError(path, found, "a new or empty folder, or one that an earlier run has written")
+    _require_writable(path)
+
+
+def _require_writable(path: Path) -> None:
+    """Raises InputError unless a folder can be made beside path: better known before a run than after it."""
+    nearest = next(folder for folder in path.absolute().parents if folder.exists())
+    for folder in (nearest, path) if path.exists() else (nearest,):
+        try:
+            os.rmdir(tempfile.mkdtemp(prefix=".searchlight-", dir=folder))
+        except OSError as error:
+            raise InputError(
+                folder, f"no place to write ({error.strerror})", "a folder that can be written"
+            ) from None
 
 
 @contextmanager
@@ -66,7 +83,8 @@ def run_directory(path: Path) -> Iterator[Path]:
     """A temporary folder beside path to write a run's files in; on leaving, they all appear in path.
 
     A new path is one rename. In the directory of an earlier run each file is replaced in one step, the
-    summary last; files that are not ours are never touched. If the block raises, path stays as it was.
+    summary last; files that are not ours are never touched. If the block raises, path stays as it was; if that
+    was for want of space, the files that were finished are kept in a folder that the error names.
     Raises InputError if a run may not write at path (see check_run_directory).
     """
     check_run_directory(path)
@@ -79,8 +97,30 @@ def run_directory(path: Path) -> Iterator[Path]:
         yield temporary
         check_run_directory(path)
         _publish(temporary, path)
+    except Exception as error:
+        if not _is_full(error, temporary):
+            raise
+        raise _kept(temporary, path) from None
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
+
+
+def _is_full(error: Exception, folder: Path) -> bool:
+    """Whether an error is for want of space; libraries that write files do not always say so."""
+    if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
+        return True
+    return not isinstance(error, InputError) and shutil.disk_usage(folder).free < _LEAST_FREE_BYTES
+
+
+def _kept(temporary: Path, path: Path) -> InputError:
+    """Keep what is finished of a run that the disk has no room for, and say where."""
+    kept = path.absolute().with_name(f"{path.absolute().name}.incomplete")
+    for part in temporary.rglob("*.part"):
+        part.unlink()
+    shutil.rmtree(kept, ignore_errors=True)
+    os.replace(temporary, kept)
+    names = ", ".join(sorted(p.name for p in kept.iterdir())) or "nothing"
+    return InputError(path, f"a full disk; what was finished is in {kept} ({names})", "more space")
 
 
 def _publish(temporary: Path, path: Path) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 
 import yaml
 
+from pipeline.config.base import FORMAT_VERSION
 from pipeline.config.pool import load_pool
 from pipeline.errors import InputError
 from pipeline.evaluation.measuring.setup_timing import SetupTiming
@@ -39,6 +40,7 @@ def write_pool(path: Path, results: Results) -> None:
 def pool_document(results: Results, folder: Path) -> dict[str, Any]:
     """What the pool file says; folder: where it will lie."""
     return {
+        "version": FORMAT_VERSION,
         "provenance": _provenance(results),
         "detectors": [_detector(results, d, folder) for d in results.detectors],
     }

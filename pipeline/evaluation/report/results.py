@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
@@ -65,6 +66,8 @@ class Provenance(_Record):
 class Results(_Record):
     """metric, codec: what the pool goes by."""
 
+    format: Literal["searchlight evaluation"] = "searchlight evaluation"
+    version: Literal[1] = 1
     name: str
     metric: Metric
     codec: Codec

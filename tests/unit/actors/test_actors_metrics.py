@@ -3,7 +3,7 @@ import urllib.request
 from hypothesis import given
 from hypothesis import strategies as st
 
-from actors.metrics import Snapshot, frame_outcomes, serve
+from actors.metrics import RunCollector, Snapshot, frame_outcomes, serve
 from actors.reducer import ReducerStatus
 from actors.source import SourceStatus
 from pipeline.allocation.plan import Plan
@@ -50,7 +50,7 @@ def test_at_any_moment_captured_is_processed_and_dropped_and_in_flight(
 
 def test_the_endpoint_shows_frames_hops_links_and_the_plan() -> None:
     snapshot = Snapshot(PLAN, {"v": source()}, reducer(7), {("v", "ground"): 6e6})
-    _, server = serve(snapshot, 0)
+    server = serve(RunCollector(snapshot), 0)
     try:
         with urllib.request.urlopen(f"http://127.0.0.1:{server.server_port}/metrics") as answer:
             text = answer.read().decode()

@@ -40,4 +40,5 @@ def test_the_distance_to_the_truth_is_there_only_where_it_is_known(search: Searc
 
 def test_nothing_found_is_an_empty_collection(tmp_path: Path) -> None:
     write_salient(tmp_path / "a", ())
-    assert json.loads((tmp_path / "a").read_text()) == {"type": "FeatureCollection", "features": []}
+    document = json.loads((tmp_path / "a").read_text())
+    assert (document["type"], document["features"]) == ("FeatureCollection", [])

@@ -1,3 +1,4 @@
+import errno
 import json
 import stat
 from contextlib import ExitStack, suppress
@@ -121,3 +122,21 @@ def test_files_that_appear_during_the_run_are_kept(tmp_path: Path) -> None:
         with pytest.raises(InputError, match="other files"):
             stack.close()
     assert [p.name for p in path.iterdir()] == ["notes.txt"]
+
+
+@pytest.mark.parametrize("code", [errno.ENOSPC, errno.EDQUOT])
+def test_on_a_full_disk_what_is_finished_is_kept_and_named(tmp_path: Path, code: int) -> None:
+    out = tmp_path / "run"
+
+    def fill() -> None:
+        with run_directory(out) as folder:
+            (folder / "map.png").write_bytes(b"whole")
+            (folder / ".report.html.1.part").write_bytes(b"half")
+            raise OSError(code, "no space")
+
+    with pytest.raises(
+        InputError, match=r"a full disk; what was finished is in .*run\.incomplete \(map\.png\)"
+    ):
+        fill()
+    assert [p.name for p in (tmp_path / "run.incomplete").iterdir()] == ["map.png"]
+    assert not out.exists()

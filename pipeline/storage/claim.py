@@ -1,0 +1,48 @@
+"""One run at a time writes a run directory."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TextIO
+
+from pipeline.errors import InputError
+from pipeline.storage.whole_or_nothing import check_run_directory
+
+
+@contextmanager
+def claimed(path: Path) -> Iterator[None]:
+    """Within it the run directory is this process's alone.
+
+    Raises InputError if another run has it, or if a run may not write there (see check_run_directory). The lock is
+    a file beside the directory that is gone afterwards; a process that dies leaves no lock behind, only the file.
+    """
+    check_run_directory(path)
+    path.absolute().parent.mkdir(parents=True, exist_ok=True)
+    lock = path.absolute().with_name(f".{path.absolute().name}.lock")
+    with lock.open("a+", encoding="ascii") as file:
+        if not _locked(file, lock):
+            file.seek(0)
+            owner = file.read(20).strip() or "unknown"
+            raise InputError(
+                path, f"a folder that another run writes (process {owner})", "another --out"
+            ) from None
+        file.truncate(0)
+        file.write(f"{os.getpid()}\n")
+        file.flush()
+        try:
+            yield
+        finally:
+            lock.unlink(missing_ok=True)
+
+
+def _locked(file: TextIO, lock: Path) -> bool:
+    """Whether the lock is ours now; a file that its owner has just removed locks nothing."""
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        return os.path.samestat(os.fstat(file.fileno()), lock.stat())
+    except OSError:
+        return False
