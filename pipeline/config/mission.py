@@ -58,10 +58,20 @@ class Terrain(Strict):
     origin: MeshOrigin | None = None
 
 
-class Column(Strict):
-    """One column of a table. name: in the head, or a number from 1. unit, zone: absent, the usual ones.
+#: what the columns of a table may hold; angles are the camera's, those of the aircraft are called so
+COLUMN_QUANTITIES = (
+    *("time", "date", "elapsed", "gps_week", "latitude", "longitude", "absolute_height", "relative_height"),
+    *("yaw", "pitch", "roll", "aircraft_yaw", "aircraft_pitch", "aircraft_roll", "focal_length_35mm"),
+    *("horizontal_sd", "height_sd", "attitude_sd", "satellites", "gps_level", "recording", "camera_name"),
+)
 
-    zone: of a time, ``utc`` or an offset such as ``+02:00``.
+
+class Column(Strict):
+    """One column of a table. name: in the head, or a number from 1. unit, zone: absent, those of the head.
+
+    unit: of lengths, angles and durations; of a date a pattern such as ``%d/%m/%Y %H:%M:%S``; of a time also
+    ``gps`` (seconds) and ``excel`` (days); of latitude and longitude also ``nmea``. zone: of a time, ``utc``,
+    ``local``, an offset such as ``+02:00``, or ``video`` (seconds since the video's first picture).
     """
 
     name: str | int
@@ -130,6 +140,14 @@ class Telemetry(Strict):
     mounting: Mounting = Mounting()
     yaw_offset: Radians = 0.0
     longest_gap: PositiveSeconds = 3.0
+
+    @model_validator(mode="after")
+    def _columns_are_known(self) -> Telemetry:
+        for quantity in self.columns:
+            if quantity not in COLUMN_QUANTITIES:
+                expected = "one of " + ", ".join(COLUMN_QUANTITIES)
+                raise mismatch("an unknown quantity", expected, ("columns", quantity))
+        return self
 
 
 class Stream(Strict):

@@ -8,7 +8,14 @@ from pathlib import Path
 
 from pipeline.config.mission import Telemetry
 from pipeline.errors import InputError
+from pipeline.ingest.telemetry.airdata_csv import is_airdata_csv, read_airdata_csv
+from pipeline.ingest.telemetry.column_table import is_table, read_column_table
+from pipeline.ingest.telemetry.dji_flight_record_csv import (
+    is_dji_flight_record_csv,
+    read_dji_flight_record_csv,
+)
 from pipeline.ingest.telemetry.dji_srt import is_dji_srt, read_dji_srt
+from pipeline.ingest.telemetry.litchi_csv import is_litchi_csv, read_litchi_csv
 from pipeline.ingest.track import Track
 
 #: a format is recognised by the file's name and so many of its first bytes
@@ -28,6 +35,16 @@ class TelemetryFormat:
 #: tried in this order; one file per format in ``pipeline/ingest/telemetry``
 TELEMETRY_FORMATS = (
     TelemetryFormat("dji-srt", "DJI subtitles (SRT)", is_dji_srt, lambda t: read_dji_srt(t.file)),
+    TelemetryFormat("airdata-csv", "flight logs of Airdata (CSV)", is_airdata_csv, read_airdata_csv),
+    TelemetryFormat("litchi-csv", "flight logs of Litchi (CSV)", is_litchi_csv, read_litchi_csv),
+    TelemetryFormat(
+        "dji-flight-record-csv",
+        "DJI flight records, decoded (CSV)",
+        is_dji_flight_record_csv,
+        read_dji_flight_record_csv,
+    ),
+    # last: any other table, by the mission's map of its columns
+    TelemetryFormat("table", "any table, with telemetry.columns", is_table, read_column_table),
 )
 
 

@@ -1,0 +1,122 @@
+"""Whatever happens to a table, it is read or refused in one line, and quickly."""
+
+from __future__ import annotations
+
+import random
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pipeline.config.mission import Column, Telemetry
+from pipeline.errors import InputError
+from pipeline.ingest.registry import read_telemetry
+from pipeline.ingest.tables.increasing import longest_increasing
+from pipeline.ingest.track import Track
+from tests.dialects import airdata_csv, column_table, dji_flight_record_csv, litchi_csv
+
+WRITERS: dict[str, tuple[Callable[..., None], str]] = {
+    "airdata": (airdata_csv.write, "airdata-csv"),
+    "litchi": (litchi_csv.write, "litchi-csv"),
+    "flight record": (dji_flight_record_csv.write, "dji-flight-record-csv"),
+    "column table": (column_table.write, "table"),
+}
+COLUMNS = {name: Column(**spelt) for name, spelt in column_table.COLUMNS.items()}
+SCRAPS = (
+    b"\0",
+    b"\xff",
+    b"\xff\xfe",
+    b'"',
+    b";",
+    b",,",
+    b"\n\n",
+    b"nan",
+    b"1e999",
+    b"-",
+    b"9" * 400,
+    b"\t",
+    b"\r",
+    b"58.4",
+)
+
+
+def track() -> Track:
+    times_s = np.arange(40) * 0.1
+    ones = np.ones(40)
+    heights = 120.0 * ones, 20.0 * ones
+    return Track(
+        1_781_429_400_000_000_000, times_s, 58.4 * ones, 15.5 * ones, *heights, ones, -ones, 0 * ones
+    )
+
+
+def mutated(data: bytes, chance: random.Random) -> bytes:
+    """One to eight bytes, scraps, lines or ends changed."""
+    result = bytearray(data)
+    for _ in range(chance.randint(1, 8)):
+        at = chance.randrange(len(result) + 1)
+        kind = chance.randrange(6)
+        if kind == 0 and result:
+            result[at % len(result)] = chance.randrange(256)
+        elif kind == 1:
+            result[at:at] = chance.choice(SCRAPS)
+        elif kind == 2:
+            del result[at : at + chance.randint(1, 80)]
+        elif kind == 3:
+            del result[at:]
+        elif kind == 4:
+            result[at:at] = result[at : at + chance.randint(1, 200)]
+        else:
+            lines = bytes(result).split(b"\n")
+            chance.shuffle(lines)
+            result = bytearray(b"\n".join(lines))
+    return bytes(result)
+
+
+def read_mutations(name: str, folder: Path, seeds: range) -> int:
+    """How many of the mutations could be read. Fails on a traceback, a second line, or more than 2 s."""
+    write, form = WRITERS[name]
+    path = folder / "log.csv"
+    write(path, track())
+    whole, read = path.read_bytes(), 0
+    for seed in seeds:
+        path.write_bytes(mutated(whole, random.Random(seed)))
+        started = time.monotonic()
+        try:
+            found = read_telemetry(
+                Telemetry(file=path, format=form, columns=COLUMNS if form == "table" else {})
+            )
+        except InputError as error:
+            assert "\n" not in str(error)
+        else:
+            read += 1
+            assert np.all(np.diff(found.times_s) > 0)
+            assert np.all(np.abs(found.latitude_deg) <= 90)
+        assert time.monotonic() - started < 2.0, seed
+    return read
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_a_mutated_table_is_read_or_refused_in_one_line(tmp_path: Path, name: str) -> None:
+    assert read_mutations(name, tmp_path, range(100)) > 20
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", WRITERS)
+def test_a_thousand_mutated_tables_are_read_or_refused_in_one_line(tmp_path: Path, name: str) -> None:
+    assert read_mutations(name, tmp_path, range(100, 1100)) > 200
+
+
+@given(st.lists(st.one_of(st.integers(0, 12).map(float), st.just(float("nan"))), max_size=9))
+def test_the_longest_increasing_rows_are_as_many_as_brute_force_finds(values: list[float]) -> None:
+    best = [1] * len(values)
+    for i, value in enumerate(values):
+        best[i] = (
+            max([best[j] + 1 for j in range(i) if values[j] < value], default=1) if value == value else 0
+        )
+    rows = longest_increasing(np.array(values, np.float64))
+    assert len(rows) == max(best, default=0)
+    assert np.all(np.diff(np.array(values)[rows]) > 0)
