@@ -70,6 +70,8 @@ def check(mission: Annotated[Path, typer.Argument(help="The mission file (YAML).
 
     prepared = prepare(mission, thorough=True)
     result = plan(prepared)
+    for finding in prepared.findings:
+        _say(str(finding))
     _say(
         f"{mission}: usable; {len(prepared.streams)} streams, {len(result.assignments)} substreams planned "
         f"({result.status}, objective {result.objective:.4g})"
@@ -111,6 +113,9 @@ def run(
                 options = RunOptions(pace.value, address, metrics_port, metrics_host)
                 finished = run_on_ray(prepared, options, progress, _say)
         summary = write_run_directory(prepared, finished, out)
+    for finding in prepared.findings:
+        if finding.severity == "warning":
+            _say(str(finding))
     _print_people(summary)
     _say(f"{summary.video_seconds:.1f} s of video in {summary.seconds:.1f} s; see {out / 'report.html'}")
 
@@ -152,15 +157,17 @@ def main() -> None:
     try:
         app()
     except SearchlightError as error:
-        _say(f"error: {error}")
+        for line in str(error).splitlines():
+            _say(f"error: {line}")
         sys.exit(error.exit_code)
 
 
 def _print_people(summary) -> None:  # type: ignore[no-untyped-def]
     from pipeline.outputs.report import verdict
-    from pipeline.outputs.utc import clock_utc
+    from pipeline.outputs.times import clock_time, zone_name
 
-    table = Table(title=verdict(summary.locations, summary.match), pad_edge=False, caption="±: 95 %")
+    caption = f"±: 95 %; {zone_name(summary.clock)}"
+    table = Table(title=verdict(summary.locations, summary.match), pad_edge=False, caption=caption)
     distance = {} if summary.match is None else summary.match.distance_m
     for column in ("no.", "prob.", "latitude", "longitude", "±", "from", "to", "off by"):
         table.add_column(column, justify="right", no_wrap=True)
@@ -178,8 +185,8 @@ def _print_people(summary) -> None:  # type: ignore[no-untyped-def]
             f"{place.latitude_deg:.7f}",
             f"{place.longitude_deg:.7f}",
             f"{place.error.semi_major_m:.2f} m",
-            clock_utc(place.first_seen_ns),
-            clock_utc(place.last_seen_ns),
+            clock_time(place.first_seen_ns),
+            clock_time(place.last_seen_ns),
             known,
         )
     Console().print(table)

@@ -18,6 +18,7 @@ from actors.site import placement
 from actors.source import Pace, SourceActor
 from pipeline.allocation.plan import Plan
 from pipeline.errors import RunFailedError, SearchlightError
+from pipeline.mission.clocks import pacing_offsets_s
 from pipeline.mission.local import FinishedRun, bandwidth
 from pipeline.mission.prepared import PreparedMission
 from pipeline.mission.stages.reducer import ReducerStage
@@ -118,10 +119,10 @@ class _Wiring:
         }
         addresses = self._start_machines(plan, realtime)
         start_s = time.time() + START_DELAY_S
-        first_ns = min(s.start_ns for s in self._prepared.streams)
+        streams = self._prepared.streams
+        offsets_s = pacing_offsets_s([s.start_ns for s in streams], [s.video.duration_s for s in streams])
         self._started = time.monotonic()
-        for s in self._prepared.streams:
-            offset_s = (s.start_ns - first_ns) * 1e-9
+        for s, offset_s in zip(streams, offsets_s, strict=True):
             _get(self._sources[s.stream].start.remote(addresses, self._options.pace, start_s + offset_s))
 
     def supervise(

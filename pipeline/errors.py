@@ -29,6 +29,17 @@ class InputError(SearchlightError):
         return type(self), (self.where, self.found, self.expected)
 
 
+class SeveralInputsError(InputError):
+    """Several inputs that cannot be used; one line for each."""
+
+    def __init__(self, faults: tuple[InputError, ...]) -> None:
+        self.faults = faults
+        SearchlightError.__init__(self, "\n".join(str(fault) for fault in faults))
+
+    def __reduce__(self) -> tuple[type[SeveralInputsError], tuple[tuple[InputError, ...]]]:  # type: ignore[override]
+        return type(self), (self.faults,)
+
+
 class NoPlanError(SearchlightError):
     """The allocation problem has no solution; the message names the limits that clash."""
 

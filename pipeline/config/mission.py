@@ -116,18 +116,19 @@ class Angles(Strict):
 
 
 class Telemetry(Strict):
-    """Where the camera was. time_offset is added to the telemetry's time to get the video's.
+    """Where the camera was. time_offset is added to the telemetry's time to get the video's; absent: found out.
 
     format: ``auto``, or the name of one that ``searchlight check`` lists. height: which height field to use;
     ``absolute`` is above height_datum, ``relative`` above takeoff_height (absent: the ground under the first
     sample). geoid_undulation: height of the geoid above the ellipsoid there; absent: of a geoid model.
     utc_offset: local time minus UTC, where a file's times are local. yaw_offset: added to every yaw.
-    longest_gap: between two samples that a pose may be interpolated over.
+    longest_gap: between two samples that a pose may be interpolated over. gps_order: of ``GPS(a, b, height)``
+    in DJI's subtitles; absent: latitude first, as the drones that write a height do.
     """
 
     file: Path
     format: str = "auto"
-    time_offset: Seconds = 0.0
+    time_offset: Seconds | None = None
     utc_offset: Seconds | None = None
     height: Literal["absolute", "relative"] = "absolute"
     height_datum: Datum | None = None
@@ -140,6 +141,7 @@ class Telemetry(Strict):
     mounting: Mounting = Mounting()
     yaw_offset: Radians = 0.0
     longest_gap: PositiveSeconds = 3.0
+    gps_order: Literal["longitude_first", "latitude_first"] | None = None
 
     @model_validator(mode="after")
     def _columns_are_known(self) -> Telemetry:

@@ -34,7 +34,9 @@ class TelemetryFormat:
 
 #: tried in this order; one file per format in ``pipeline/ingest/telemetry``
 TELEMETRY_FORMATS = (
-    TelemetryFormat("dji-srt", "DJI subtitles (SRT)", is_dji_srt, lambda t: read_dji_srt(t.file)),
+    TelemetryFormat(
+        "dji-srt", "DJI subtitles (SRT)", is_dji_srt, lambda t: read_dji_srt(t.file, t.gps_order)
+    ),
     TelemetryFormat("airdata-csv", "flight logs of Airdata (CSV)", is_airdata_csv, read_airdata_csv),
     TelemetryFormat("litchi-csv", "flight logs of Litchi (CSV)", is_litchi_csv, read_litchi_csv),
     TelemetryFormat(

@@ -28,8 +28,9 @@ class Track:
     horizontal_sd_m (each axis), height_sd_m, attitude_sd_rad: standard deviations, stated or from the kind of
     fix. recording: 1 where the log says that the camera was recording, else 0.
 
-    camera_name: as the file calls the camera or the drone. left_out: samples not used, reason -> count.
-    assumed: what the reader had to assume, a sentence each.
+    end_s: how long the last sample holds, on the clock of times_s; None: as long as samples usually do.
+    camera_name: as the file calls the camera or the drone. left_out: samples not used, reason -> count;
+    first_left_out: where the first of them stands. assumed: what the reader had to assume, a sentence each.
     """
 
     start_time_ns: int
@@ -52,6 +53,8 @@ class Track:
     height_sd_m: FloatArray | None = None
     attitude_sd_rad: FloatArray | None = None
     recording: FloatArray | None = None
+    end_s: float | None = None
     camera_name: str | None = None
     left_out: Mapping[str, int] = field(default_factory=dict)
+    first_left_out: Mapping[str, str] = field(default_factory=dict)
     assumed: tuple[str, ...] = ()

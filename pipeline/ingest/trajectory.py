@@ -7,115 +7,99 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.config.mission import Datum, Telemetry
-from pipeline.errors import InputError
-from pipeline.geo.frame import LocalFrame
 from pipeline.geo.pose import enu_from_camera
-from pipeline.ingest.track import Clock, Track
+from pipeline.ingest.track import Clock
 from pipeline.messages import CameraPose, FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trajectory:
-    """A track as a mission uses it: in the map frame, on the video's clock, above the terrain's datum."""
+    """Samples in the map frame on the video's clock; ``trajectory_of`` makes it from a track.
 
-    track: Track
-    telemetry: Telemetry
-    frame: LocalFrame
-    terrain_datum: Datum
+    times_s: float64 (N,), N >= 1, increasing, time of the video. positions_enu: (N, 3), metres, heights above the
+    terrain's datum. angles_rad: (N, 3), yaw, pitch and roll of the camera. sds: (N, 3), standard deviations that
+    the telemetry states: horizontal (m, each axis), height (m), attitude (rad); NaN where it states none.
+    focal_scale: (N,), focal length over that of the stream's camera.
 
-    @property
-    def clock(self) -> Clock:
-        """What utc_ns counts on."""
-        return self.track.clock
+    end_s: until then the last sample is carried on. longest_gap_s: between samples that a pose may lie in.
+    start_ns: date of the video's time 0, ns since 1970 on ``clock``. assumed: what had to be, a sentence each.
+    """
+
+    times_s: FloatArray
+    positions_enu: FloatArray
+    angles_rad: FloatArray
+    sds: FloatArray
+    focal_scale: FloatArray
+    end_s: float
+    longest_gap_s: float
+    start_ns: int
+    clock: Clock
+    assumed: tuple[str, ...] = ()
 
     @property
     def span_s(self) -> tuple[float, float]:
-        """The first and the last time of the video for which there is a sample."""
-        offset_s = self.telemetry.time_offset
-        return float(self.track.times_s[0]) + offset_s, float(self.track.times_s[-1]) + offset_s
+        """The first time of the video for which there is a sample, and the time until which the last one holds."""
+        return float(self.times_s[0]), self.end_s
 
     def utc_ns(self, time_s: float) -> int:
         """Date (ns since 1970, on ``clock``) of a time of the video."""
-        since_first_s = time_s - self.telemetry.time_offset - float(self.track.times_s[0])
-        return self.track.start_time_ns + round(since_first_s * 1e9)
+        return self.start_ns + round(time_s * 1e9)
 
     def pose(self, time_s: float) -> CameraPose | None:
         """The camera's pose at a time of the video, linear between the samples around it; None if there is none.
 
-        Angles turn the shorter way. There is none more than half a sample before the first or after the last
-        one. Raises InputError if the height above the terrain's datum cannot be told.
+        Angles turn the shorter way. There is none more than half a sample before the first one, after ``end_s``,
+        and between samples that are farther apart than the longest gap. After the last sample the position goes
+        on as it moved, and is surer by nothing: half of that way is added to its standard deviation.
         """
-        place = self._between(time_s - self.telemetry.time_offset)
+        place = self._between(time_s)
         if place is None:
             return None
         index, share = place
-        track = self.track
-        latitude, longitude = (_linear(v, index, share) for v in (track.latitude_deg, track.longitude_deg))
-        east, north = self.frame.enu_from_wgs84(np.asarray(latitude), np.asarray(longitude))
-        attitude = enu_from_camera(
-            _angle(track.yaw_rad, index, share),
-            _angle(track.pitch_rad, index, share),
-            _angle(track.roll_rad, index, share),
+        following = min(index + 1, len(self.times_s) - 1)
+        position = _mixed(self.positions_enu[index], self.positions_enu[following], share)
+        turned = np.vectorize(math.remainder)(
+            self.angles_rad[following] - self.angles_rad[index], 2.0 * math.pi
         )
-        height = self._height_m(index, share)
-        return CameraPose(np.array([float(east), float(north), height]), attitude)
+        yaw, pitch, roll = self.angles_rad[index] + min(max(share, 0.0), 1.0) * turned
+        horizontal_m, height_m, attitude_rad = _mixed(
+            self.sds[index], self.sds[following], min(max(share, 0.0), 1.0)
+        )
+        carried_m = max(0.0, share - 1.0, -share) * np.abs(
+            self.positions_enu[following] - self.positions_enu[index]
+        )
+        if carried_m.any():
+            horizontal_m = _with_carried(horizontal_m, 0.5 * math.hypot(carried_m[0], carried_m[1]))
+            height_m = _with_carried(height_m, 0.5 * float(carried_m[2]))
+        scale = _mixed(self.focal_scale[index], self.focal_scale[following], 0.0 if share < 1.0 else 1.0)
+        return CameraPose(
+            position,
+            enu_from_camera(float(yaw), float(pitch), float(roll)),
+            float(horizontal_m),
+            float(height_m),
+            float(attitude_rad),
+            float(scale),
+        )
 
-    def _between(self, sample_time_s: float) -> tuple[int, float] | None:
-        """The sample before a time, and how far (0..1) to the next one; the ends are held for half a sample."""
-        times = self.track.times_s
+    def _between(self, time_s: float) -> tuple[int, float] | None:
+        """The sample before a time, and how far it is to the next one: 0..1, outside of that beyond the ends."""
+        times = self.times_s
         half_s = 0.5 * float(np.median(np.diff(times))) if len(times) > 1 else 0.0
         # a microsecond more: a time written in milliseconds must not fail by its rounding in binary
-        if not times[0] - half_s - 1e-6 <= sample_time_s <= times[-1] + half_s + 1e-6:
+        if not times[0] - half_s - 1e-6 <= time_s <= self.end_s + 1e-6:
             return None
         if len(times) == 1:
             return 0, 0.0
-        index = min(max(int(np.searchsorted(times, sample_time_s, side="right")) - 1, 0), len(times) - 2)
-        share = (sample_time_s - times[index]) / (times[index + 1] - times[index])
-        return index, min(max(float(share), 0.0), 1.0)
-
-    def _height_m(self, index: int, share: float) -> float:
-        """Height above the terrain's datum: h (ellipsoid) = H (geoid) + N (undulation)."""
-        telemetry, track = self.telemetry, self.track
-        relative = telemetry.height == "relative"
-        height = _linear(track.relative_height_m if relative else track.absolute_height_m, index, share)
-        if math.isnan(height):
-            other = "absolute" if relative else "relative"
-            raise InputError(
-                telemetry.file, f"telemetry without {telemetry.height} height", f"it, or height: {other}"
-            )
-        if relative:
-            if telemetry.takeoff_height is None:
-                raise InputError(telemetry.file, "heights above an unknown take-off point", "takeoff_height")
-            height += telemetry.takeoff_height
-        datum = telemetry.height_datum or track.height_datum or "ellipsoid"
-        if datum == self.terrain_datum:
-            return height
-        if telemetry.geoid_undulation is None:
-            found = f"heights above the {datum} and a terrain above the {self.terrain_datum}"
-            raise InputError(telemetry.file, found, "geoid_undulation in the stream's telemetry")
-        return height + telemetry.geoid_undulation * (1.0 if self.terrain_datum == "ellipsoid" else -1.0)
+        index = min(max(int(np.searchsorted(times, time_s, side="right")) - 1, 0), len(times) - 2)
+        gap_s = float(times[index + 1] - times[index])
+        if gap_s > self.longest_gap_s and times[index] + half_s < time_s < times[index + 1] - half_s:
+            return None
+        return index, (time_s - float(times[index])) / gap_s
 
 
-def require_complete(track: Track, path: object) -> None:
-    """Raises InputError if the track cannot give a pose: positions or gimbal angles are missing."""
-    for name, values in (
-        ("position", track.latitude_deg),
-        ("gimbal yaw", track.yaw_rad),
-        ("gimbal pitch", track.pitch_rad),
-        ("gimbal roll", track.roll_rad),
-    ):
-        if np.isnan(values).any():
-            expected = "latitude, longitude, gb_yaw, gb_pitch and gb_roll in every sample"
-            raise InputError(path, f"telemetry without {name}", expected)
+def _mixed(before: FloatArray, after: FloatArray, share: float) -> FloatArray:
+    return np.asarray(before + share * (after - before))
 
 
-def _linear(values: FloatArray, index: int, share: float) -> float:
-    following = values[min(index + 1, len(values) - 1)]
-    return float(values[index] + share * (following - values[index]))
-
-
-def _angle(values: FloatArray, index: int, share: float) -> float:
-    following = float(values[min(index + 1, len(values) - 1)])
-    turn = math.remainder(following - float(values[index]), 2.0 * math.pi)
-    return float(values[index]) + share * turn
+def _with_carried(sd_m: float, carried_m: float) -> float:
+    return carried_m if math.isnan(sd_m) else math.hypot(sd_m, carried_m)

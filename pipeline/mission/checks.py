@@ -12,46 +12,57 @@ from pipeline.config.pool import Pool
 from pipeline.detection import open_pool_detector
 from pipeline.errors import InputError
 from pipeline.geo.terrain import Terrain
-from pipeline.ingest.track import Track
+from pipeline.ingest.finding import Finding
+from pipeline.ingest.trajectory import Trajectory
 from pipeline.ingest.video.file import VideoInfo
 from pipeline.mission.stages.source import StreamInput
 
 
-def telemetry_covers(stream: Stream, video: VideoInfo, track: Track) -> None:
-    """Raises InputError unless there is a pose for every picture of the video."""
-    first = track.times_s[0] + stream.telemetry.time_offset
-    last = track.times_s[-1] + stream.telemetry.time_offset
-    last_frame_s = (video.frames - 1) / video.frame_rate
-    slack_s = 1.5 / video.frame_rate
-    if first > slack_s or last < last_frame_s - slack_s:
-        raise InputError(
-            stream.telemetry.file,
-            f"telemetry from {first:.2f} s to {last:.2f} s",
-            f"telemetry for 0 s to {last_frame_s:.2f} s of {stream.video}, or another telemetry.time_offset",
-        )
+def telemetry_covers(stream: Stream, video: VideoInfo, trajectory: Trajectory) -> list[Finding]:
+    """How much of the video has no pose. Raises InputError if none of it has one."""
+    times_s = np.arange(video.frames) / video.frame_rate
+    missing = sum(trajectory.pose(float(t)) is None for t in times_s)
+    if not missing:
+        return []
+    first_s, last_s = trajectory.span_s
+    found = f"telemetry from {first_s:.2f} s to {last_s:.2f} s of a video of {video.duration_s:.2f} s"
+    if missing == video.frames:
+        expected = f"telemetry for some of {stream.video}, or another telemetry.time_offset"
+        raise InputError(stream.telemetry.file, found, expected)
+    text = f"{missing} of {video.frames} pictures have no pose and are not used"
+    return [Finding("warning", "no_pose", str(stream.telemetry.file), text, found)]
 
 
-def terrain_covers(mission: Mission, terrain: Terrain, stream: StreamInput) -> None:
-    """Raises InputError unless there is known ground below the drone, once a second."""
-    for time_s in np.arange(0.0, stream.video.duration_s - 1.0 / stream.video.frame_rate, 1.0):
+def terrain_covers(mission: Mission, terrain: Terrain, stream: StreamInput) -> list[Finding]:
+    """Whether there is known ground below the drone, once a second.
+
+    Raises InputError if there is none at all, or if the drone is under it most of the time.
+    """
+    over, unknown, under = 0, [], []
+    for time_s in np.arange(0.0, stream.video.duration_s, 1.0):
         pose = stream.trajectory.pose(float(time_s))
         if pose is None:
             continue
-        east, north, up = pose.position_enu
+        over += 1
+        east, north, up = (float(x) for x in pose.position_enu)
         ground = terrain.height(east, north)
-        where = f"{mission.terrain.file} under {stream.stream} at {time_s:.0f} s"
         if np.isnan(ground):
-            raise InputError(
-                where,
-                f"no ground at east {east:.0f} m, north {north:.0f} m",
-                "a terrain that covers the flight",
-            )
-        if up <= ground:
-            raise InputError(
-                where,
-                f"the drone at {up:.1f} m, ground at {ground:.1f} m",
-                "a drone above the ground: the same height datum?",
-            )
+            unknown.append(f"at {time_s:.0f} s, east {east:.0f} m, north {north:.0f} m")
+        elif up <= ground:
+            under.append(f"at {time_s:.0f} s, the drone at {up:.1f} m, ground at {ground:.1f} m")
+    where = f"{mission.terrain.file} under {stream.stream}"
+    if over and len(unknown) == over:
+        raise InputError(where, f"no ground {unknown[0]}", "a terrain that covers the flight")
+    if over and 2 * len(under) > over:
+        raise InputError(where, f"the drone below the ground: {under[0]}", "heights above the same datum?")
+    findings = []
+    if unknown:
+        text = f"no ground in {len(unknown)} of {over} seconds; what was seen there is not used"
+        findings.append(Finding("warning", "terrain_gap", where, text, f"the first {unknown[0]}"))
+    if under:
+        text = f"the drone is below the ground in {len(under)} of {over} seconds"
+        findings.append(Finding("warning", "height_off", where, text, f"the first {under[0]}"))
+    return findings
 
 
 def sites_exist(path: Path, mission: Mission, inventory: Inventory) -> None:

@@ -3,35 +3,40 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from pipeline.allocation.build import build_problem
 from pipeline.allocation.problem import Problem
-from pipeline.config.camera import load_camera
 from pipeline.config.inventory import Inventory, load_inventory
-from pipeline.config.mission import Mission, Stream, load_mission
+from pipeline.config.mission import Mission, load_mission
 from pipeline.config.pool import Pool, PoolDetector, load_pool
-from pipeline.errors import InputError
 from pipeline.geo.camera import Camera
 from pipeline.geo.frame import LocalFrame
 from pipeline.geo.search_area import load_search_area
 from pipeline.geo.surfaces import load_mesh
 from pipeline.geo.terrain import Terrain, frame_of, load_terrain
-from pipeline.ingest.registry import read_telemetry
-from pipeline.ingest.trajectory import Trajectory, require_complete
-from pipeline.ingest.video.file import check_video, sampled_indices
+from pipeline.ingest.finding import Finding
+from pipeline.ingest.track import Clock
+from pipeline.ingest.trajectory_of import Ground
 from pipeline.link.codec import require_codec
 from pipeline.mission.checks import models_load, sites_exist, telemetry_covers, terrain_covers
+from pipeline.mission.clocks import settled
+from pipeline.mission.faults import Faults
+from pipeline.mission.recording import Recording, read_recording
 from pipeline.mission.stages.source import StreamInput
 from pipeline.sensor.expected_size import expected_person_px
 
 
 @dataclass(frozen=True, eq=False)
 class PreparedMission:
-    """A mission whose every file was read and found usable."""
+    """A mission whose every file was read and found usable.
+
+    findings: what was noticed and assumed on the way. left_out: samples not used, stream -> reason -> count.
+    """
 
     path: Path
     mission: Mission
@@ -41,6 +46,13 @@ class PreparedMission:
     cameras: dict[str, Camera]
     streams: tuple[StreamInput, ...]
     problem: Problem
+    findings: tuple[Finding, ...] = ()
+    left_out: Mapping[str, Mapping[str, int]] = field(default_factory=dict)
+
+    @property
+    def clock(self) -> Clock:
+        """Of all times of the run: UTC only if every stream's is."""
+        return "utc" if all(s.trajectory.clock == "utc" for s in self.streams) else "local"
 
     @property
     def frame(self) -> LocalFrame:
@@ -63,28 +75,71 @@ class PreparedMission:
 def prepare(path: Path, thorough: bool = False) -> PreparedMission:
     """Read and check a mission; if thorough, every picture of every video is decoded.
 
-    Raises InputError for the first thing that cannot be used.
+    Raises InputError, or SeveralInputsError with every independent fault, for what cannot be used.
     """
     mission = load_mission(path)
-    inventory, pool = load_inventory(mission.inventory), load_pool(mission.pool)
-    sites_exist(path, mission, inventory)
-    for codec in (mission.processing.codec, *mission.processing.codecs):
-        require_codec(codec)
-    frame = _frame(mission)
-    cameras = {s.id: load_camera(s.camera) for s in mission.streams}
-    streams = tuple(_stream(path, mission, s, frame, cameras[s.id], thorough) for s in mission.streams)
-    terrain = terrain_at(mission, frame, mission.fusion.cell_size)
-    for stream in streams:
-        terrain_covers(mission, terrain, stream)
-    if mission.search_area is not None:
-        load_search_area(mission.search_area, frame)
-    models_load(pool)
+    faults = Faults()
+    with faults.collected():
+        inventory = load_inventory(mission.inventory)
+        sites_exist(path, mission, inventory)
+    with faults.collected():
+        pool = load_pool(mission.pool)
+        models_load(pool)
+    with faults.collected():
+        for codec in (mission.processing.codec, *mission.processing.codecs):
+            require_codec(codec)
+    with faults.collected():
+        frame = _frame(mission)
+        terrain = terrain_at(mission, frame, mission.fusion.cell_size)
+    with faults.collected():
+        if mission.search_area is not None:
+            load_search_area(mission.search_area, _frame(mission))
+    recordings = []
+    for stream in mission.streams:
+        with faults.collected():
+            recordings.append(read_recording(path, mission, stream, thorough))
+    faults.raise_if_any()
+    streams, findings = _streams(mission, terrain, recordings, faults)
+    faults.raise_if_any()
+    cameras = {r.stream.id: r.camera for r in recordings}
     own_site = {s.id: s.site for s in mission.streams}
     person_px = {}
     if mission.processing.expected_size:
         person_px = {s.stream: _person_px(terrain, cameras[s.stream], s) for s in streams}
     problem = build_problem(own_site, mission.processing, inventory, pool, where=path, person_px=person_px)
-    return PreparedMission(path, mission, inventory, pool, terrain, cameras, streams, problem)
+    left_out = {r.stream.id: dict(r.track.left_out) for r in recordings if r.track.left_out}
+    return PreparedMission(
+        path, mission, inventory, pool, terrain, cameras, streams, problem, tuple(findings), left_out
+    )
+
+
+def _streams(
+    mission: Mission, terrain: Terrain, recordings: list[Recording], faults: Faults
+) -> tuple[tuple[StreamInput, ...], list[Finding]]:
+    """The streams on one clock and over the terrain, and what was noticed on the way."""
+    ground = Ground(mission.terrain.height_datum, terrain.height)
+    findings: list[Finding] = []
+    flights = []
+    for recording in recordings:
+        with faults.collected():
+            flights.append((recording, recording.trajectory(terrain.frame, ground)))
+    settled_ones, of_clocks = settled([(r.stream.id, t, r.video.duration_s) for r, t in flights])
+    streams = []
+    for (recording, _), trajectory in zip(flights, settled_ones, strict=True):
+        stream = StreamInput(
+            stream=recording.stream.id,
+            site=recording.stream.site,
+            video=recording.video,
+            trajectory=trajectory,
+            processing_rate_hz=mission.processing.frame_rate,
+            codec=mission.processing.codec,
+        )
+        findings += recording.findings(trajectory)
+        with faults.collected():
+            findings += telemetry_covers(recording.stream, recording.video, trajectory)
+            findings += terrain_covers(mission, terrain, stream)
+        streams.append(stream)
+    return tuple(streams), findings + of_clocks
 
 
 def terrain_at(mission: Mission, frame: LocalFrame, cell_m: float) -> Terrain:
@@ -99,33 +154,6 @@ def _frame(mission: Mission) -> LocalFrame:
     if origin is None:
         return frame_of(mission.terrain.file)
     return LocalFrame(math.degrees(origin.latitude), math.degrees(origin.longitude))
-
-
-def _stream(
-    path: Path, mission: Mission, stream: Stream, frame: LocalFrame, camera: Camera, thorough: bool
-) -> StreamInput:
-    video = check_video(stream.video, thorough)
-    track = read_telemetry(stream.telemetry)
-    require_complete(track, stream.telemetry.file)
-    if (video.width, video.height) != (camera.width, camera.height):
-        raise InputError(
-            f"{stream.camera} width, height",
-            f"{camera.width} x {camera.height}",
-            f"the size of {stream.video}, {video.width} x {video.height}",
-        )
-    telemetry_covers(stream, video, track)
-    result = StreamInput(
-        stream=stream.id,
-        site=stream.site,
-        video=video,
-        trajectory=Trajectory(track, stream.telemetry, frame, mission.terrain.height_datum),
-        processing_rate_hz=mission.processing.frame_rate,
-        codec=mission.processing.codec,
-    )
-    sampled_indices(
-        video.frames, video.frame_rate, mission.processing.frame_rate, where=f"{path} processing.frame_rate"
-    )
-    return result
 
 
 def _person_px(terrain: Terrain, camera: Camera, stream: StreamInput) -> float:

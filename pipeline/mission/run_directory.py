@@ -49,7 +49,7 @@ def write_run_directory(prepared: PreparedMission, run: FinishedRun, out: Path) 
         for name, voxel_map in fuser.maps.items():
             of_class = "" if voxel_map is fuser.map else f"-{name}"
             write_saliency(folder / f"saliency{of_class}.tif", voxel_map)
-        write_salient(folder / "salient.geojson", locations, summary.match)
+        write_salient(folder / "salient.geojson", locations, summary.match, summary.clock)
         write_text(folder / "plan.json", plan_to_json(run.plan, prepared.problem))
         write_bytes(folder / "map.png", png(map_picture(fuser.map, tracks, locations, truth)))
         write_bytes(folder / "schedule.png", png(schedule))
@@ -88,6 +88,9 @@ def _summary(
         match=match_truth(locations, truth) if truth else None,
         not_taken=run.reducer.not_taken,
         provenance=_provenance(),
+        clock=prepared.clock,
+        findings=prepared.findings,
+        left_out=prepared.left_out,
     )
 
 

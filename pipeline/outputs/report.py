@@ -14,8 +14,8 @@ from pipeline.messages import FloatArray
 from pipeline.outputs.html import page_environment
 from pipeline.outputs.map_picture import map_picture, observed_area_m2, png
 from pipeline.outputs.summary import Summary
+from pipeline.outputs.times import clock_time, iso_time, zone_name
 from pipeline.outputs.truth import TruePerson, TruthMatch
-from pipeline.outputs.utc import clock_utc, iso_utc
 from pipeline.second_look.areas import SecondLookArea
 from pipeline.second_look.flight import SecondFlight
 from pipeline.storage.whole_or_nothing import write_text
@@ -51,8 +51,8 @@ def render_report(data: ReportData) -> str:
     summary = data.summary
     environment = page_environment("pipeline.outputs")
     environment.filters.update(
-        iso=iso_utc,
-        clock=clock_utc,
+        iso=iso_time,
+        clock=clock_time,
         geo=_geo_uri,
         rate=_rate,
         milliseconds=_milliseconds,
@@ -62,6 +62,7 @@ def render_report(data: ReportData) -> str:
     return environment.get_template("report.html.j2").render(
         summary=summary,
         places=places,
+        zone=zone_name(summary.clock),
         verdict=verdict(summary.locations, summary.match),
         distance_m={} if summary.match is None else summary.match.distance_m,
         first_ns=min((place.first_seen_ns for place in places), default=None),

@@ -9,8 +9,9 @@ from typing import Any
 
 from pipeline.fusion.error_ellipse import PROBABILITY, ErrorEllipse
 from pipeline.fusion.salient import SalientLocation
+from pipeline.ingest.track import Clock
+from pipeline.outputs.times import iso_time, zone_name
 from pipeline.outputs.truth import TruthMatch
-from pipeline.outputs.utc import iso_utc
 from pipeline.storage.versions import stamp
 from pipeline.storage.whole_or_nothing import write_text
 
@@ -18,18 +19,20 @@ from pipeline.storage.whole_or_nothing import write_text
 _DEGREE_DECIMALS, _METER_DECIMALS = 8, 3
 
 
-def write_salient(path: Path, locations: Sequence[SalientLocation], match: TruthMatch | None = None) -> None:
+def write_salient(
+    path: Path, locations: Sequence[SalientLocation], match: TruthMatch | None = None, clock: Clock = "utc"
+) -> None:
     """Write one point per found place: longitude, latitude (WGS84), height (m above the terrain's datum).
 
     match: gives the property ``truth_distance_m``, the horizontal distance to the true place, if known.
     """
     distance_m = {} if match is None else match.distance_m
-    features = [_feature(location, distance_m.get(location.id)) for location in locations]
+    features = [_feature(location, distance_m.get(location.id), clock) for location in locations]
     collection = {"type": "FeatureCollection"} | stamp("places") | {"features": features}
     write_text(path, json.dumps(collection, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
 
 
-def _feature(location: SalientLocation, truth_distance_m: float | None) -> dict[str, Any]:
+def _feature(location: SalientLocation, truth_distance_m: float | None, clock: Clock) -> dict[str, Any]:
     longitude, latitude, height = (
         round(float(location.longitude_deg), _DEGREE_DECIMALS),
         round(float(location.latitude_deg), _DEGREE_DECIMALS),
@@ -38,8 +41,9 @@ def _feature(location: SalientLocation, truth_distance_m: float | None) -> dict[
     properties: dict[str, Any] = {
         "class": location.class_name,
         "probability": round(float(location.probability), 6),
-        "seen_from": iso_utc(location.first_seen_ns),
-        "seen_to": iso_utc(location.last_seen_ns),
+        "seen_from": iso_time(location.first_seen_ns, clock),
+        "seen_to": iso_time(location.last_seen_ns, clock),
+        "clock": zone_name(clock),
         "looks": int(location.looks),
         "error_ellipse": ellipse_json(location.error),
         "spread_m": round(float(location.spread_m), _METER_DECIMALS),

@@ -5,16 +5,18 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 from pipeline.allocation.plan import Plan
 from pipeline.fusion.salient import SalientLocation
+from pipeline.ingest.finding import Finding
+from pipeline.ingest.track import Clock
 from pipeline.outputs.accounting import StreamAccount
 from pipeline.outputs.salient_geojson import ellipse_json
+from pipeline.outputs.times import iso_time, zone_name
 from pipeline.outputs.truth import MATCH_RADIUS_M, TruthMatch
-from pipeline.outputs.utc import iso_utc
 from pipeline.storage.versions import stamp
 from pipeline.storage.whole_or_nothing import WRITTEN_BY, write_text
 
@@ -85,7 +87,8 @@ class Summary:
 
     seconds: wall time of the run. video_seconds: the longest video. pace: ``realtime`` or ``max``.
     match: None where the truth is not known. not_taken: what the map did not take, reason -> count.
-    provenance: label -> text, such as versions; never a secret.
+    provenance: label -> text, such as versions; never a secret. clock: of the times. findings: of the checks,
+    and what was assumed. left_out: samples of telemetry that were not used, stream -> reason -> count.
     """
 
     mission: str
@@ -101,6 +104,9 @@ class Summary:
     match: TruthMatch | None
     not_taken: Mapping[str, int]
     provenance: Mapping[str, str]
+    clock: Clock = "utc"
+    findings: Sequence[Finding] = ()
+    left_out: Mapping[str, Mapping[str, int]] = field(default_factory=dict)
 
 
 def write_summary(path: Path, summary: Summary) -> None:
@@ -122,8 +128,11 @@ def summary_to_json(summary: Summary) -> dict[str, Any]:
         "streams": [_account(account) for account in summary.streams],
         "substreams": [_substream(substream) for substream in summary.substreams],
         "links": [_link(link) for link in summary.links],
-        "found": [_place(place) for place in summary.locations],
+        "clock": zone_name(summary.clock),
+        "found": [_place(place, summary.clock) for place in summary.locations],
         "truth": None if summary.match is None else _truth(summary.match),
+        "findings": [asdict(finding) for finding in summary.findings],
+        "telemetry_left_out": {name: dict(counts) for name, counts in summary.left_out.items()},
         "evidence_not_taken": dict(sorted(summary.not_taken.items())),
         "provenance": dict(summary.provenance),
     }
@@ -178,7 +187,7 @@ def _link(link: LinkUse) -> dict[str, Any]:
     }
 
 
-def _place(place: SalientLocation) -> dict[str, Any]:
+def _place(place: SalientLocation, clock: Clock) -> dict[str, Any]:
     return {
         "id": place.id,
         "class": place.class_name,
@@ -187,8 +196,8 @@ def _place(place: SalientLocation) -> dict[str, Any]:
         "longitude_deg": round(float(place.longitude_deg), 8),
         "height_m": round(float(place.height_m), 3),
         "error_ellipse": ellipse_json(place.error),
-        "seen_from": iso_utc(place.first_seen_ns),
-        "seen_to": iso_utc(place.last_seen_ns),
+        "seen_from": iso_time(place.first_seen_ns, clock),
+        "seen_to": iso_time(place.last_seen_ns, clock),
         "looks": int(place.looks),
     }
 

@@ -77,6 +77,7 @@ def _stream(name: str) -> dict[str, Any]:
             "format": "dji-srt",
             "height": "absolute",
             "height_datum": "ellipsoid",
+            "utc_offset": {"hours": 0},
         },
         "camera": "camera.yaml",
         "site": name,

@@ -37,6 +37,11 @@ def shorten_telemetry(folder: Path) -> None:
     track.write_text("\n\n".join(blocks[: len(blocks) // 2]) + "\n\n")
 
 
+def delay_telemetry(folder: Path) -> None:
+    track = folder / "drone-1.srt"
+    track.write_text(track.read_text().replace("00:00:", "01:00:"))
+
+
 def strip_crs(folder: Path) -> None:
     with rasterio.open(folder / "terrain.tif") as source:
         profile, heights = source.profile, source.read()
@@ -79,7 +84,7 @@ BAD = {
     "missing video": (lambda f: (f / "drone-1.mp4").unlink(), "drone-1.mp4"),
     "truncated video": (truncate_video, "drone-1.mp4"),
     "empty telemetry": (lambda f: (f / "drone-1.srt").write_text(""), "drone-1.srt"),
-    "telemetry that ends before the video": (shorten_telemetry, "drone-1.srt"),
+    "telemetry that ends before the video begins": (delay_telemetry, "drone-1.srt"),
     "unknown key": (replace("mission.yaml", "name:", "colour: red\nname:"), "colour"),
     "wrong unit": (replace("mission.yaml", "meters: 0.5", "seconds: 0.5"), "cell_size"),
     "number without a unit": (replace("inventory.yaml", "{mbps: 6}", "6"), "bandwidth"),
@@ -107,6 +112,9 @@ BAD = {
     "site that is not there": (replace("mission.yaml", "site: drone-1", "site: nowhere"), "nowhere"),
     "link of an unknown stream": (replace("inventory.yaml", "stream: drone-1", "stream: drone-7"), "drone-7"),
 }
+
+
+BOTH = {"terrain elsewhere", "terrain above the drone"}
 
 
 @pytest.fixture
@@ -146,11 +154,36 @@ def test_bad_input_is_one_line_and_exit_code_2(
     spoil(mission.parent)
     code, said = check(mission, monkeypatch, capsys)
     assert code == 2, said
-    assert said.count("\n") == 1, said
+    lines = said.splitlines()
     assert "Traceback" not in said
-    assert named in said
-    assert "found" in said
-    assert "expected" in said
+    for line in lines:  # what is wrong for both drones is two lines
+        assert line.startswith("error: ")
+        assert named in line
+        assert "found" in line
+        assert "expected" in line
+    assert len(lines) == (2 if fault in BOTH else 1), said
+
+
+def test_all_independent_faults_are_named_at_once(
+    mission: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("missing video", "empty telemetry", "number without a unit", "missing detector"):
+        BAD[name][0](mission.parent)
+    (mission.parent / "drone-2.srt").unlink()
+    code, said = check(mission, monkeypatch, capsys)
+    assert code == 2
+    assert len(said.splitlines()) == 5, said
+    for name in ("drone-1.mp4", "drone-1.srt", "drone-2.srt", "bandwidth", "absent.onnx"):
+        assert name in said
+
+
+def test_telemetry_that_ends_early_costs_the_pictures_after_it(
+    mission: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shorten_telemetry(mission.parent)
+    code, said = check(mission, monkeypatch, capsys)
+    assert code == 0
+    assert "74 of 150 pictures have no pose" in said
 
 
 def test_a_mission_that_no_allocation_satisfies_names_the_limits_that_clash(

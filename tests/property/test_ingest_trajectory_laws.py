@@ -11,10 +11,11 @@ from pipeline.config.mission import Telemetry
 from pipeline.geo.frame import LocalFrame
 from pipeline.geo.pose import enu_from_camera
 from pipeline.ingest.track import Track
-from pipeline.ingest.trajectory import Trajectory
+from pipeline.ingest.trajectory_of import Ground, trajectory_of
 
 FRAME = LocalFrame(59.0, 15.0)
 TELEMETRY = Telemetry(file=Path("drone.srt"))
+GROUND = Ground("ellipsoid", lambda east, north: math.nan)
 samples = st.lists(
     st.tuples(
         st.floats(0.01, 2.0),
@@ -40,7 +41,7 @@ def test_at_a_sample_the_pose_is_the_samples(
 ) -> None:
     track = track_of(rows)
     i = data.draw(st.integers(0, len(rows) - 1))
-    pose = Trajectory(track, TELEMETRY, FRAME, "ellipsoid").pose(float(track.times_s[i]))
+    pose = trajectory_of(track, TELEMETRY, FRAME, GROUND).pose(float(track.times_s[i]))
     assert pose is not None
     east, north = FRAME.enu_from_wgs84(track.latitude_deg[i], track.longitude_deg[i])
     np.testing.assert_allclose(pose.position_enu, [east, north, track.absolute_height_m[i]], atol=1e-6)
@@ -54,7 +55,7 @@ def test_between_samples_the_pose_lies_between_theirs(
     track = track_of(rows)
     i = data.draw(st.integers(0, len(rows) - 2))
     time_s = float(track.times_s[i] + share * (track.times_s[i + 1] - track.times_s[i]))
-    pose = Trajectory(track, TELEMETRY, FRAME, "ellipsoid").pose(time_s)
+    pose = trajectory_of(track, TELEMETRY, FRAME, GROUND).pose(time_s)
     assert pose is not None
     heights = sorted(track.absolute_height_m[i : i + 2])
     assert heights[0] - 1e-6 <= pose.position_enu[2] <= heights[1] + 1e-6

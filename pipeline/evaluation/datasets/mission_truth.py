@@ -14,7 +14,7 @@ from pipeline.evaluation.datasets.dataset import DataSet, Picture, joined
 from pipeline.evaluation.datasets.fault_log import FaultLog
 from pipeline.geo.terrain import Terrain, frame_of, load_terrain
 from pipeline.ingest.registry import read_telemetry
-from pipeline.ingest.trajectory import Trajectory, require_complete
+from pipeline.ingest.trajectory_of import Ground, trajectory_of
 from pipeline.sensor.expected_size import expected_person_px
 
 _TERRAIN_CELL_M = 1.0
@@ -41,8 +41,8 @@ def read_mission(path: Path, options: CocoOptions, faults: FaultLog) -> DataSet:
 def _with_context(dataset: DataSet, mission: Mission, stream: Stream, terrain: Terrain) -> DataSet:
     """With the expected size of a person in every picture, from the telemetry and the ground below."""
     track = read_telemetry(stream.telemetry)
-    require_complete(track, stream.telemetry.file)
-    trajectory = Trajectory(track, stream.telemetry, terrain.frame, mission.terrain.height_datum)
+    ground = Ground(mission.terrain.height_datum, terrain.height)
+    trajectory = trajectory_of(track, stream.telemetry, terrain.frame, ground)
     focal_px = load_camera(stream.camera).fy
     rate = dataset.sequences[0].frame_rate or 1.0
 

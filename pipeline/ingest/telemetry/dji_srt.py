@@ -1,86 +1,22 @@
-"""DJI's subtitle telemetry: one SRT cue per frame (or second), in the dialects of its drones.
-
-``[key: value]``    Mavic 2 and later, the enterprise drones: position, heights, gimbal angles, local time.
-``GPS(lon,lat,n)``  older ones, with BAROMETER, Hb or H for the height; n counts satellites.
-``GPS(lat,lon,zM)`` the Matrice 300: the only one with the latitude first, known by its M.
-
-Local times are taken for UTC: the files do not say their zone.
-"""
+"""DJI's subtitle telemetry: a cue per picture, or per second, as a file beside the video."""
 
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Iterator
-from dataclasses import dataclass
-from datetime import UTC, datetime
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import srt  # type: ignore[import-untyped]
 
 from pipeline.errors import InputError
+from pipeline.ingest.samples import LeftOut, Sample, track_of
+from pipeline.ingest.telemetry.dji_fields import GpsOrder, date_ns, fields_of
+from pipeline.ingest.telemetry.subtitles import Cue, cues_of, read_text
 from pipeline.ingest.track import Track
-from pipeline.messages import FloatArray
 
-_EXPECTED = "DJI telemetry in SRT"
-_BRACKET_FIELDS = {
-    "latitude": "latitude",
-    "longitude": "longitude",
-    "longtitude": "longitude",  # so spelt by the Mavic 2
-    "rel_alt": "relative_height",
-    "abs_alt": "absolute_height",
-    "altitude": "absolute_height",
-    "gb_yaw": "yaw",
-    "gb_pitch": "pitch",
-    "gb_roll": "roll",
-}
-_FIELDS = tuple(dict.fromkeys(_BRACKET_FIELDS.values()))
-_LIMITS = {"latitude": 90.0, "longitude": 180.0, "yaw": 360.0, "pitch": 360.0, "roll": 360.0}
-
-_TAG = re.compile(r"<[^>]*>")
-_BRACKET = re.compile(r"\[([^\]]*)\]")
-_KEY_VALUE = re.compile(r"(\w+)\s*:\s*(\S+)")
-_GPS = re.compile(r"GPS ?\(([^,)]*),([^,)]*),([^,)]*)\)")
-_RELATIVE_HEIGHT = re.compile(r"(?:\bBAROMETER:|\bHb:|, H )([^\s,]*?)[Mm]?(?=[\s,]|$)")
-_DATE = re.compile(r"(\d{4})[-.](\d{1,2})[-.](\d{1,2}) (\d{1,2}):(\d{2}):(\d{2})(?:[.,](\d+)(?:,(\d{3}))?)?")
-_UNTIMED_CUE = re.compile(r"^\d+\n(.+?)(?=\n\s*\n|\n*\Z)", re.DOTALL | re.MULTILINE)
-
-
-@dataclass(frozen=True, slots=True)
-class _Cue:
-    """where: file and line of the text. time_s: None in a dialect without a time line."""
-
-    where: str
-    time_s: float | None
-    text: str
-
-
-def read_dji_srt(path: Path) -> Track:
-    """The samples of a file; a field that its dialect lacks is NaN throughout.
-
-    Raises InputError with the line for text that is no telemetry, for a sample with other fields than
-    the first, for positions without a GPS fix, and for times that do not increase.
-    """
-    cues = _without_repeats(list(_cues(path, _text(path))))
-    if not cues:
-        raise InputError(path, "no sample", _EXPECTED)
-    samples = [_fields(cue) for cue in cues]
-    _require_alike(cues, samples)
-    columns = {name: np.array([s.get(name, math.nan) for s in samples], np.float64) for name in _FIELDS}
-    start_ns = _utc_ns(cues[0])
-    return Track(
-        0 if start_ns is None else start_ns,
-        _times_s(cues),
-        columns["latitude"],
-        columns["longitude"],
-        columns["absolute_height"],
-        columns["relative_height"],
-        np.radians(columns["yaw"]),
-        np.radians(columns["pitch"]),
-        np.radians(columns["roll"]),
-        clock="unknown" if start_ns is None else "utc",
-    )
+EXPECTED = "DJI telemetry in SRT, with positions"
+#: a last cue that much shorter than the one before was not written to its end, characters
+_CUT_CHARACTERS = 8
 
 
 def is_dji_srt(path: Path, head: bytes) -> bool:
@@ -88,118 +24,59 @@ def is_dji_srt(path: Path, head: bytes) -> bool:
     return path.suffix.lower() == ".srt"
 
 
-def _text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise InputError(path, "no file", _EXPECTED) from None
-    except (OSError, UnicodeDecodeError):
-        raise InputError(path, "a file that is not text", _EXPECTED) from None
+def read_dji_srt(path: Path, order: GpsOrder | None = None) -> Track:
+    """The samples of a file. Raises InputError if none of them can be used.
+
+    order: of ``GPS(a, b, height)``, where the file does not tell it.
+    """
+    text = read_text(path, EXPECTED)
+    cues = cues_of(path, text)
+    if not cues:
+        raise InputError(path, "an empty file" if not text.strip() else "no cue", EXPECTED)
+    cut = None if text.endswith("\n") or len(cues) < 2 else _cut_off(cues)
+    return track_of_cues(path, cues if cut is None else cues[:-1], order, cut)
 
 
-def _cues(path: Path, text: str) -> Iterator[_Cue]:
-    """The cues; the lines are counted here, since the srt package does not tell them."""
-    if "-->" not in text:
-        for match in _UNTIMED_CUE.finditer(text):
-            yield _Cue(f"{path}:{_line(text, match.start(1))}", None, match.group(1))
-        return
-    position, line = 0, 1
-    try:
-        for subtitle in srt.parse(text):
-            found = text.find(subtitle.content, position)
-            line += text.count("\n", position, found)
-            yield _Cue(f"{path}:{line}", subtitle.start.total_seconds(), subtitle.content)
-            line += subtitle.content.count("\n")
-            position = found + len(subtitle.content)
-    except srt.SRTParseError as error:
-        where = f"{path}:{_line(text, error.expected_start)}"
-        raise InputError(where, "text that is not SRT", _EXPECTED) from None
-
-
-def _line(text: str, position: int) -> int:
-    return text.count("\n", 0, position) + 1
-
-
-def _fields(cue: _Cue) -> dict[str, float]:
-    """The known fields of a cue, degrees and metres."""
-    text = _TAG.sub("", cue.text)
-    fields = {
-        _BRACKET_FIELDS[key]: _number(cue, key, value)
-        for bracket in _BRACKET.findall(text)
-        for key, value in _KEY_VALUE.findall(bracket)
-        if key in _BRACKET_FIELDS
-    }
-    if gps := _GPS.search(text):
-        one, other, third = (part.strip() for part in gps.groups())
-        # the third value is not used: satellites, or a height that stays at 0.0M while the barometer climbs
-        latitude, longitude = (one, other) if third.endswith("M") else (other, one)
-        fields["latitude"] = _number(cue, "latitude", latitude)
-        fields["longitude"] = _number(cue, "longitude", longitude)
-    if height := _RELATIVE_HEIGHT.search(text):
-        fields["relative_height"] = _number(cue, "height", height.group(1))
-    _require_plausible(cue, fields)
-    return fields
-
-
-def _number(cue: _Cue, name: str, text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise InputError(f"{cue.where} {name}", repr(text), "a number")
-    return value
-
-
-def _require_plausible(cue: _Cue, fields: dict[str, float]) -> None:
-    for name, limit in _LIMITS.items():
-        if abs(fields.get(name, 0.0)) > limit:
-            raise InputError(f"{cue.where} {name}", f"{fields[name]:g}", f"at most {limit:g} degrees")
-    if fields.get("latitude") == 0.0 and fields.get("longitude") == 0.0:
-        raise InputError(cue.where, "latitude 0 and longitude 0", "a position with a GPS fix")
-
-
-def _require_alike(cues: list[_Cue], samples: list[dict[str, float]]) -> None:
-    for cue, sample in zip(cues, samples, strict=True):
-        if odd := sorted(samples[0].keys() ^ sample.keys()):
-            state = "with" if odd[0] in sample else "without"
-            raise InputError(
-                cue.where, f"a sample {state} {odd[0]}", "the same fields as in the first sample"
+def track_of_cues(path: object, cues: Sequence[Cue], order: GpsOrder | None, cut: Cue | None = None) -> Track:
+    """The track of cues, wherever they come from. cut: a cue that was not written to its end."""
+    left_out, assumed = LeftOut(), set()
+    dates = [date_ns(cue.text) for cue in cues]
+    samples = []
+    for cue, time_s, date in zip(cues, _times_s(cues, dates), dates, strict=True):
+        values, order_assumed = fields_of(cue.text, order)
+        if order_assumed:
+            assumed.add(
+                "GPS(a, b, height) is latitude, longitude, height, as the Avata 2 writes it; if it is longitude "
+                "first, say telemetry.gps_order: longitude_first"
             )
+        samples.append(Sample(cue.where, time_s, values if cue.text else {}, date, cue.end_s))
+    if cut is not None:
+        left_out.add("incomplete", cut.where)
+    _require_positions(path, samples)
+    if any("altitude" in cue.text for cue in cues[:1]):
+        assumed.add("altitude is a height above the datum, not above take-off")
+    return track_of(
+        path, samples, expected=EXPECTED, clock="local", left_out=left_out, assumed=sorted(assumed)
+    )
 
 
-def _without_repeats(cues: list[_Cue]) -> list[_Cue]:
-    """Dates tick in seconds, as the samples do, but not quite together: two samples may show one second."""
-    return [
-        cue
-        for i, cue in enumerate(cues)
-        if i == 0 or cue.time_s is not None or _utc_ns(cue) != _utc_ns(cues[i - 1])
-    ]
+def _cut_off(cues: Sequence[Cue]) -> Cue | None:
+    last, before = cues[-1], cues[-2]
+    return last if len(last.text) < len(before.text) - _CUT_CHARACTERS else None
 
 
-def _times_s(cues: list[_Cue]) -> FloatArray:
-    """Seconds since the video's start, increasing; of the dates where the cues have no time."""
-    times = [cue.time_s if cue.time_s is not None else _dated_s(cue, cues[0]) for cue in cues]
-    for cue, before, after in zip(cues[1:], times, times[1:], strict=False):
-        if after <= before:
-            raise InputError(cue.where, f"{after:.3f} s after {before:.3f} s", "times that increase")
-    return np.array(times, np.float64)
+def _require_positions(path: object, samples: Sequence[Sample]) -> None:
+    if not any("latitude" in s.values or "yaw" in s.values for s in samples):
+        raise InputError(path, "subtitles without positions or gimbal angles", EXPECTED)
 
 
-def _dated_s(cue: _Cue, first: _Cue) -> float:
-    now_ns, start_ns = _utc_ns(cue), _utc_ns(first)
-    if now_ns is None or start_ns is None:
-        raise InputError(cue.where, "neither a time line nor a date", _EXPECTED)
-    return (now_ns - start_ns) / 1e9
-
-
-def _utc_ns(cue: _Cue) -> int | None:
-    date = _DATE.search(cue.text)
-    if date is None:
-        return None
-    try:
-        whole = datetime(*(int(part) for part in date.groups()[:6]), tzinfo=UTC)  # type: ignore[arg-type,misc]
-    except ValueError:
-        raise InputError(cue.where, repr(date.group()), "a date") from None
-    fraction = ((date.group(7) or "") + (date.group(8) or "")).ljust(9, "0")[:9]
-    return int(whole.timestamp()) * 1_000_000_000 + int(fraction)
+def _times_s(cues: Sequence[Cue], dates: Sequence[int | None]) -> list[float]:
+    """Seconds since the video's start: of the time lines, or of the dates where there are none; NaN without."""
+    if cues[0].start_s is not None:
+        return [math.nan if cue.start_s is None else cue.start_s for cue in cues]
+    known = [date for date in dates if date is not None]
+    if not known:
+        raise InputError(cues[0].where, "cues with neither a time line nor a date", EXPECTED)
+    first_ns = known[0]
+    times_s = np.array([math.nan if date is None else (date - first_ns) * 1e-9 for date in dates])
+    return [float(t) for t in times_s]

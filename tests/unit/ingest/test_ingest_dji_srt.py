@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
+from pipeline.ingest.telemetry.dji_fields import fields_of
 from pipeline.ingest.telemetry.dji_srt import read_dji_srt
-from pipeline.ingest.trajectory import require_complete
+from pipeline.ingest.track import Track
 
-SHARED = Path(__file__).parents[4] / "shared/data/telemetry"
+SHARED = Path(__file__).parents[4] / "shared/data"
 CUE = """{number}
 00:00:00,{start:03d} --> 00:00:00,{end:03d}
 <font size="28">FrameCnt: {number}, DiffTime: 33ms
@@ -33,7 +34,6 @@ def write(path: Path, *cues: str) -> Path:
 def test_the_dialect_with_gimbal_angles_gives_every_field(tmp_path: Path) -> None:
     path = write(tmp_path / "drone.srt", cue(1), cue(2), cue(3))
     track = read_dji_srt(path)
-    require_complete(track, path)
     assert track.start_time_ns == 1_714_557_600_000_000_000
     assert track.times_s.tolist() == [0.0, 0.033, 0.066]
     assert (track.latitude_deg[0], track.longitude_deg[0]) == (59.123456789, 15.1)
@@ -53,88 +53,226 @@ def test_byte_order_mark_and_line_ends_do_not_matter(tmp_path: Path) -> None:
         np.testing.assert_array_equal(getattr(plain, name), getattr(marked, name))
 
 
-def test_a_dialect_without_gimbal_angles_is_read_but_not_complete(tmp_path: Path) -> None:
-    path = write(tmp_path / "drone.srt", cue(1, gimbal=""), cue(2, gimbal=""))
-    track = read_dji_srt(path)
+def test_a_dialect_without_gimbal_angles_is_read(tmp_path: Path) -> None:
+    track = read_dji_srt(write(tmp_path / "drone.srt", cue(1, gimbal=""), cue(2, gimbal="")))
     assert np.isnan(track.yaw_rad).all()
-    with pytest.raises(
-        InputError, match=r"drone\.srt: found telemetry without gimbal yaw; expected .*gb_yaw"
-    ):
-        require_complete(track, path)
+    assert track.left_out == {}
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "latin-1"])
+@pytest.mark.parametrize("line_end", ["\n", "\r\n", "\r"])
+def test_encoding_and_line_ends_do_not_matter(tmp_path: Path, encoding: str, line_end: str) -> None:
+    path = tmp_path / "drone.srt"
+    text = PHANTOM_RTK.format(0, 1) + PHANTOM_RTK.format(1, 2)
+    path.write_bytes(text.replace("\n", line_end).encode(encoding))
+    track = read_dji_srt(path)
+    assert np.degrees([track.yaw_rad[1], track.pitch_rad[1]]) == pytest.approx([28.2, -40.0])
+    assert (track.latitude_deg[1], track.longitude_deg[1], track.relative_height_m[1]) == (
+        58.401743,
+        15.574815,
+        76.19,
+    )
+    assert track.times_s.tolist() == [0.0, 1.0]
+    assert track.end_s == 2.0
+
+
+PHANTOM_RTK = """1
+00:00:0{},000 --> 00:00:0{},000
+F/6.3, SS 60, RTK (15.574815, 58.401743, 28), HOME (15.574800, 58.401700, 103.55m), D 75.36m, H 76.19m, """
+PHANTOM_RTK += "H.S 0.30m/s, V.S 0.00m/s, F.PRY (-5.3°, 2.1°, 28.3°), G.PRY (-40.0°, 0.0°, 28.2°)\n\n"
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("text", "latitude", "longitude", "relative"),
     [
-        ("", "found no sample"),
-        ("no telemetry\nat all\n", "found no sample"),
-        ("00:00 --> what\n", ":1: found text that is not SRT"),
-        (cue(1) + cue(2, latitude="north"), r":9 latitude: found 'north'; expected a number"),
-        (cue(1) + cue(2, latitude="nan"), r":9 latitude: found 'nan'"),
-        (cue(1) + cue(2, latitude="91.0"), r":9 latitude: found 91; expected at most 90 degrees"),
-        (cue(1) + cue(2, gimbal=""), r":9: found a sample without pitch"),
-        (cue(1, gimbal="") + cue(2), r":9: found a sample with pitch"),
-        (cue(1) + cue(1), r":9: found 0.000 s after 0.000 s; expected times that increase"),
-        (cue(1).replace("2024-05", "2024-15"), r":3: found '2024-15-01 10:00:00.000'; expected a date"),
-        (cue(1, "0.000").replace("15.1", "0.0"), r":3: found latitude 0 and longitude 0"),
+        ("GPS(149.0251,-20.2533,16) BAROMETER:1.9", -20.2533, 149.0251, 1.9),
+        ("GPS(36.6146,-6.1120,0.0M) BAROMETER:0.8M", 36.6146, -6.1120, 0.8),
+        ("GPS (-121.7458, 48.0771, 17), D 221.21m, H 200.70m, H.S n/a", 48.0771, -121.7458, 200.7),
+        ("GPS(48.401743,15.574815,69.800) BAROMETER(91.2) HOME(48.4017,15.5748)", 48.401743, 15.574815, 91.2),
+        ("GPS(149.0,-20.2,69.800) BAROMETER(-3.5)", -20.2, 149.0, -3.5),
+        ("GPS(7.5,-33.9,11) Hb:-12.5 Hs:1.9", -33.9, 7.5, -12.5),
+        ("[latitude : -20.2533] [longtitude : 149.0251] [rel_alt: 4.2]", -20.2533, 149.0251, 4.2),
+        ("<b>GPS(10.5,-60.25,9)</b>\nBAROMETER: 7", -60.25, 10.5, 7.0),
+        ("RTK(-0.1277, 51.5007, 31), H 12m", 51.5007, -0.1277, 12.0),
     ],
 )
-def test_a_broken_file_is_refused_with_its_line(tmp_path: Path, text: str, message: str) -> None:
-    with pytest.raises(InputError, match=message):
+def test_the_order_and_sign_of_a_position_are_those_of_the_dialect(
+    text: str, latitude: float, longitude: float, relative: float
+) -> None:
+    fields, _ = fields_of(text)
+    assert (fields["latitude"], fields["longitude"], fields["relative_height"]) == (
+        latitude,
+        longitude,
+        relative,
+    )
+
+
+def test_an_order_that_is_assumed_is_said_and_can_be_told(tmp_path: Path) -> None:
+    text = "1\n00:00:00,000 --> 00:00:01,000\nGPS(48.40,15.57,69.800) BAROMETER(91.2)\n\n"
+    path = write(tmp_path / "drone.srt", text)
+    assumed, told = read_dji_srt(path), read_dji_srt(path, "longitude_first")
+    assert (assumed.latitude_deg[0], told.latitude_deg[0]) == (48.40, 15.57)
+    assert "telemetry.gps_order" in assumed.assumed[0]
+    assert told.assumed == ()
+
+
+@pytest.mark.parametrize(
+    ("text", "focal_mm"), [("240", 24.0), ("24.00", 24.0), ("166", 16.6), ("1620.0", 1620.0)]
+)
+def test_focal_lengths_are_in_millimetres_or_tenths(text: str, focal_mm: float) -> None:
+    assert fields_of(f"[focal_len: {text}]")[0]["focal_length_35mm"] == pytest.approx(focal_mm)
+
+
+@pytest.mark.parametrize(
+    ("bad", "reason"),
+    [
+        (cue(2, latitude="north"), "unreadable"),
+        (cue(2, latitude="nan"), "unreadable"),
+        (cue(2, latitude="91.0"), "impossible"),
+        (cue(2, latitude="59.9"), "impossible"),
+        (cue(2, gimbal="[gb_yaw: 90.0 gb_pitch: -450.0 gb_roll: 0] "), "impossible"),
+        (cue(2, gimbal=""), "incomplete"),
+        (cue(2)[:150] + "\n\n", "incomplete"),
+        (cue(1), "repeated"),
+        (cue(4) + cue(2), "out_of_order"),
+        (cue(2, "0.000").replace("15.1]", "0.0]"), "no_fix"),
+        ("2\n00:00:00,033 --> 00:00:00,066\n\n\n", "empty"),
+        (cue(2).replace("00:00:00,033 -->", "00:zz:00,033 -->"), "impossible"),
+        (cue(2).replace("00:00:00,033 -->", "9" * 40 + ":00:00,033 -->"), "impossible"),
+    ],
+)
+def test_a_bad_sample_costs_itself_and_is_counted_and_named(tmp_path: Path, bad: str, reason: str) -> None:
+    track = read_dji_srt(write(tmp_path / "drone.srt", cue(1), bad, cue(3), cue(5), cue(6)))
+    assert track.left_out == {reason: 1}
+    assert track.first_left_out[reason].startswith(f"{tmp_path}/drone.srt:")
+    assert {0.0, 0.066, 0.132, 0.165} <= set(track.times_s.tolist())
+    assert (track.latitude_deg == 59.123456789).all()
+
+
+def test_the_line_of_a_bad_sample_is_its_own(tmp_path: Path) -> None:
+    track = read_dji_srt(write(tmp_path / "drone.srt", cue(1), cue(2, latitude="x"), cue(3)))
+    assert track.first_left_out["unreadable"].endswith("drone.srt:9")
+
+
+def test_a_date_that_does_not_exist_costs_the_date_only(tmp_path: Path) -> None:
+    track = read_dji_srt(write(tmp_path / "drone.srt", cue(1).replace("2024-05", "2024-15"), cue(2)))
+    assert track.start_time_ns == 1_714_557_600_000_000_000
+    assert len(track.times_s) == 2
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ("", "an empty file"),
+        ("no telemetry\nat all\n", "no cue"),
+        ("1\n00:00 --> what\n", "without positions"),
+        ("1\n00:00:00,000 --> 00:00:01,000\nHello\n\n", "without positions"),
+        (cue(1, "0.000").replace("15.1]", "0.0]"), r"no usable sample \(1 no_fix \(first: .*drone.srt:3\)\)"),
+    ],
+)
+def test_a_file_with_nothing_to_use_is_refused(tmp_path: Path, text: str, found: str) -> None:
+    with pytest.raises(InputError, match=f"found .*{found}"):
         read_dji_srt(write(tmp_path / "drone.srt", text))
 
 
 def test_a_missing_and_a_binary_file_are_refused(tmp_path: Path) -> None:
     binary = tmp_path / "drone.srt"
-    binary.write_bytes(bytes(range(256)))
+    binary.write_bytes(bytes(8) + bytes(range(256)))
     for path, found in ((tmp_path / "no.srt", "no file"), (binary, "not text")):
         with pytest.raises(InputError, match=found):
             read_dji_srt(path)
 
 
-# first position, last relative height, last absolute height, samples, UTC of the first sample
+def test_cues_without_times_count_from_their_dates(tmp_path: Path) -> None:
+    rows = [
+        f"{k}\n2017.08.05 14:11:5{k},393,525\n[latitude : -20.25] [longtitude : 149.02]\n\n"
+        for k in (1, 2, 2, 5)
+    ]
+    track = read_dji_srt(write(tmp_path / "drone.srt", *rows))
+    assert track.times_s.tolist() == pytest.approx([0.0, 1.0, 4.0])
+    assert track.left_out == {"repeated": 1}
+
+
+def test_few_satellites_and_rtk_are_uncertainty() -> None:
+    assert fields_of("GPS(149.0,-20.2,4)")[0]["horizontal_sd"] > 1.0
+    assert fields_of("RTK(149.0,-20.2,28)")[0]["horizontal_sd"] <= 0.1
+    assert "horizontal_sd" not in fields_of("GPS(149.0,-20.2,16)")[0]
+
+
+DEMO_NS = 1_781_429_400 * 10**9
+# samples, first latitude, longitude, absolute height, relative height, yaw, pitch, date, left out
+NAN = np.nan
 REAL = {
-    "air2s.srt": (41.424724, 2.234156, None, 117.1, 17, 1_659_879_640_774_808_000),
-    "matrice_300.srt": (36.6146, -6.1120, 0.0, None, 381, 1_655_827_577_000_000_000),
-    "mavic_2_style.SRT": (-20.2533, 149.0251, None, None, None, 1_501_942_311_393_525_000),
-    "mavic_air.SRT": (None, None, None, None, 2, 1_519_027_491_265_847_000),
-    "mavic_mini.SRT": (48.0771, -121.7458, 200.8, None, 117, 0),
-    "mavic_pro.SRT": (-20.2533, 149.0251, 0.0, None, 468, 1_501_942_311_000_000_000),
-    "old_format.SRT": (-20.2533, 149.0251, 0.0, None, 468, 1_501_942_311_000_000_000),
-    "p4p_sample.SRT": (47.4692, 8.2090, 45.6, None, 5, 0),
-}
+    "T/air2s.srt": (17, 41.424724, 2.234156, 117.0, NAN, NAN, NAN, 1_659_879_640_774_808_000, {}),
+    "T/matrice_300.srt": (381, 36.6146, -6.1120, NAN, 0.3, NAN, NAN, 1_655_827_577_000_000_000, {}),
+    "T/mavic_2_style.SRT": (463, -20.2533, 149.0251, NAN, NAN, NAN, NAN, 1_501_942_311_393_525_000, {"repeated": 5}),
+    "T/mavic_mini.SRT": (117, 48.0771, -121.7458, NAN, 200.7, NAN, NAN, 0, {}),
+    "T/mavic_pro.SRT": (468, -20.2533, 149.0251, NAN, 1.9, NAN, NAN, 1_501_942_311_000_000_000, {}),
+    "T/old_format.SRT": (468, -20.2533, 149.0251, NAN, 1.9, NAN, NAN, 1_501_942_311_000_000_000, {}),
+    "T/p4p_sample.SRT": (5, 47.4692, 8.2090, NAN, 45.6, NAN, NAN, 0, {}),
+    "T/broken_incomplete.SRT": (19, -34.7383, -58.4563, NAN, 20.1, NAN, NAN, 1_499_076_903_000_000_000, {"empty": 1}),
+    "C/10Hz.srt": (40, 58.401743332, 15.574815181, 128.651, 15.384, 0.0, -45.0, DEMO_NS, {}),
+    "C/avata2_lat_first.srt": (2, 48.401743, 15.574815, NAN, 91.2, NAN, NAN, 0, {}),
+    "C/cut30.srt": (210, 58.401770266, 15.574815181, 128.801, 15.534, 0.0, -45.0, DEMO_NS + 10**9, {}),
+    "C/cut_in_middle.srt": (4, 58.4017433, 15.5748151, 128.651, 15.384, 0.0, -45.0, DEMO_NS, {"incomplete": 1}),
+    "C/drone-2h.srt": (240, 58.401743333, 15.575328273, 125.571, 14.665, 0.0, -45.0, DEMO_NS + 3600 * 10**9, {}),
+    "C/dup_time.srt": (4, 58.4017433, 15.5748151, 128.651, 15.384, 0.0, -45.0, DEMO_NS, {"repeated": 1}),
+    "C/home20.srt": (240, 58.401743332, 15.574815181, 128.651, 35.384, 0.0, -45.0, DEMO_NS, {}),
+    "C/hz1.srt": (8, 58.401743332, 15.574815181, 128.651, 15.384, 0.0, -45.0, DEMO_NS, {}),
+    "C/less4.srt": (236, 58.401743332, 15.574815181, 128.651, 15.384, 0.0, -45.0, DEMO_NS, {}),
+    "C/m300_h20_gpry.srt": (4, 58.401743, 15.574815, NAN, 45.0, 90.0, -60.0, 0, {}),
+    "C/m3e_wide.srt": (4, 58.401743, 15.574815, 426.185, 102.229, -65.8, -89.9, 1_732_469_883_576_000_000, {}),
+    "C/m4t_embedded.srt": (4, 58.401743, 15.574815, 169.523, 20.160, -77.4, 7.4, 1_790_263_255_713_000_000, {}),
+    "C/mixed_gap_nofix.srt": (4, 58.401743, 15.574815, 426.185, 102.229, -65.8, -60.0, 1_732_469_883_576_000_000, {}),
+    "C/nofix30.srt": (210, 58.401770266, 15.574815181, 128.801, 15.534, 0.0, -45.0, DEMO_NS + 10**9, {"no_fix": 30}),
+    "C/one_hertz.srt": (47, 58.401743332, 15.574815181, 128.651, 15.384, 0.0, -45.0, DEMO_NS, {}),
+    "C/p4rtk_rtk.srt": (4, 58.401743, 15.574815, NAN, 76.19, 28.2, -40.0, 0, {}),
+    "C/short_by_2_cues.srt": (118, 58.401743332, 15.574815181, 128.651, 15.384, 0.0, -45.0, DEMO_NS, {}),
+    "C/srt_timestamp_overflow.srt":
+        (10, 58.401743332, 15.574815181, 128.651, 15.384, 0.0, -45.0, DEMO_NS, {"out_of_order": 2}),
+    "C/trailing_empty_cue.srt": (5, 58.4017433, 15.5748151, 128.651, 15.384, 0.0, -45.0, DEMO_NS, {"empty": 1}),
+    "C/zero_fix_one_mid.srt": (4, 58.4017433, 15.5748151, 128.651, 15.384, 0.0, -45.0, DEMO_NS, {"no_fix": 1}),
+    "C/zoom.srt": (240, 58.401743332, 15.574815181, 128.651, 15.384, 0.0, -45.0, DEMO_NS, {}),
+}  # fmt: skip
+
+
+def shared(name: str) -> Track:
+    if not SHARED.exists():
+        pytest.skip("no shared data beside the repository")
+    folder, _, file = name.partition("/")
+    return read_dji_srt(SHARED / {"T": "telemetry", "C": "cases/telemetry"}[folder] / file)
 
 
 @pytest.mark.parametrize("name", REAL)
-def test_a_real_recording_says_where_the_drone_was(name: str) -> None:
-    if not SHARED.exists():
-        pytest.skip("no shared data beside the repository")
-    latitude, longitude, relative, absolute, samples, start_ns = REAL[name]
-    track = read_dji_srt(SHARED / name)
-    found = (
+def test_a_real_recording_is_read_to_the_values_in_it(name: str) -> None:
+    track = shared(name)
+    samples, *values, start_ns, left_out = REAL[name]
+    found = [
         track.latitude_deg[0],
         track.longitude_deg[0],
-        track.relative_height_m[-1],
-        track.absolute_height_m[-1],
-    )
-    expected = [np.nan if value is None else value for value in (latitude, longitude, relative, absolute)]
-    np.testing.assert_array_equal(found, expected)
-    assert track.start_time_ns == start_ns
-    assert samples is None or len(track.times_s) == samples
+        track.absolute_height_m[0],
+        track.relative_height_m[0],
+        np.degrees(track.yaw_rad[0]),
+        np.degrees(track.pitch_rad[0]),
+    ]
+    np.testing.assert_allclose(found, values, atol=1e-9)
+    assert (len(track.times_s), track.start_time_ns, track.left_out) == (samples, start_ns, left_out)
     assert (np.diff(track.times_s) > 0).all()
-    with pytest.raises(InputError, match="telemetry without"):
-        require_complete(track, SHARED / name)
+
+
+def test_a_zoom_doubles_the_focal_length_once() -> None:
+    focal_mm = shared("C/zoom.srt").focal_length_35mm
+    assert focal_mm is not None
+    assert (focal_mm[119], focal_mm[120]) == (24.0, 48.0)
 
 
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("broken_empty.SRT", "found no sample"),
-        ("broken_incomplete.SRT", ":117: found a sample without latitude"),
+        ("broken_empty.SRT", "an empty file"),
+        ("mavic_air.SRT", "subtitles without positions or gimbal angles"),
     ],
 )
-def test_a_real_broken_recording_is_refused(name: str, message: str) -> None:
-    if not SHARED.exists():
-        pytest.skip("no shared data beside the repository")
+def test_a_real_recording_without_positions_is_refused(name: str, message: str) -> None:
     with pytest.raises(InputError, match=message):
-        read_dji_srt(SHARED / name)
+        shared(f"T/{name}")

@@ -12,6 +12,7 @@ from pipeline.geo.frame import LocalFrame
 from pipeline.geo.pose import enu_from_camera
 from pipeline.ingest.track import Track
 from pipeline.ingest.trajectory import Trajectory
+from pipeline.ingest.trajectory_of import Ground, trajectory_of
 from pipeline.messages import CameraPose
 
 FRAME = LocalFrame(59.0, 15.0)
@@ -33,13 +34,16 @@ def telemetry(**fields: object) -> Telemetry:
     )
 
 
+def way(samples: Track, terrain_datum: Datum = "ellipsoid", **fields: object) -> Trajectory:
+    return trajectory_of(
+        samples, telemetry(**fields), FRAME, Ground(terrain_datum, lambda east, north: math.nan)
+    )
+
+
 def at(
     time_s: float, samples: Track | None = None, terrain_datum: Datum = "ellipsoid", **fields: object
 ) -> CameraPose:
-    trajectory = Trajectory(
-        track() if samples is None else samples, telemetry(**fields), FRAME, terrain_datum
-    )
-    pose = trajectory.pose(time_s)
+    pose = way(track() if samples is None else samples, terrain_datum, **fields).pose(time_s)
     assert pose is not None
     return pose
 
@@ -65,16 +69,16 @@ def test_angles_turn_the_shorter_way(yaw_deg: tuple[float, float], middle_deg: f
     np.testing.assert_allclose(pose.enu_from_camera, expected, atol=1e-12)
 
 
-def test_the_ends_are_held_for_half_a_sample_and_no_longer() -> None:
-    np.testing.assert_allclose(at(1.5).position_enu[1], 100.0, atol=1e-3)
-    np.testing.assert_allclose(at(-0.5).position_enu[1], 0.0, atol=1e-3)
-    still = Trajectory(track(), telemetry(), FRAME, "ellipsoid")
+def test_the_ends_go_on_as_they_moved_for_half_a_sample_and_no_longer() -> None:
+    assert at(1.5).position_enu[1] == pytest.approx(150.0, abs=1e-3)
+    assert at(-0.5).position_enu[1] == pytest.approx(-50.0, abs=1e-3)
+    still = way(track())
     assert still.pose(1.6) is None
     assert still.pose(-0.6) is None
 
 
 def test_the_time_offset_is_added_to_the_telemetry() -> None:
-    later = Trajectory(track(), telemetry(time_offset=10.0), FRAME, "ellipsoid")
+    later = way(track(), time_offset=10.0)
     pose = later.pose(10.25)
     assert pose is not None
     assert pose.position_enu[1] == pytest.approx(25.0, abs=1e-3)
@@ -118,6 +122,6 @@ def test_a_height_that_the_telemetry_lacks_is_named() -> None:
         samples.yaw_rad, samples.pitch_rad, samples.roll_rad,
     )  # fmt: skip
     with pytest.raises(
-        InputError, match="telemetry without absolute height; expected it, or height: relative"
+        InputError, match=r"telemetry without absolute height; expected it, or telemetry\.height: relative"
     ):
         at(0.0, bare)

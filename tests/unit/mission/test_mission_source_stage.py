@@ -9,7 +9,7 @@ from pipeline.allocation.plan import Assignment
 from pipeline.config.mission import Telemetry
 from pipeline.geo.frame import LocalFrame
 from pipeline.ingest.track import Track
-from pipeline.ingest.trajectory import Trajectory
+from pipeline.ingest.trajectory_of import Ground, trajectory_of
 from pipeline.ingest.video.file import open_video
 from pipeline.messages import EndOfStream, Message, Packet
 from pipeline.mission.stages.source import SourceStage, StreamInput
@@ -39,7 +39,8 @@ def stream_input(video: Path, rate_hz: float) -> StreamInput:
     zero = np.zeros(n)
     track = Track(10**18, np.arange(n) / RATE_HZ, zero, zero, zero + 20.0, zero, zero, zero - 0.7, zero)
     telemetry = Telemetry(file=Path("flight.srt"))
-    trajectory = Trajectory(track, telemetry, LocalFrame(0.0, 0.0), "ellipsoid")
+    ground = Ground("ellipsoid", lambda east, north: 0.0)
+    trajectory = trajectory_of(track, telemetry, LocalFrame(0.0, 0.0), ground)
     return StreamInput("v", "drone", open_video(video), trajectory, rate_hz, "h264")
 
 

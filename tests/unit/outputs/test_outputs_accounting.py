@@ -2,7 +2,7 @@ import pytest
 
 from pipeline.outputs.accounting import StreamAccount
 from pipeline.outputs.summary import SubstreamCount
-from pipeline.outputs.utc import clock_utc, iso_utc
+from pipeline.outputs.times import clock_time, iso_time
 
 
 def test_a_frame_that_is_not_accounted_for_is_an_error() -> None:
@@ -30,6 +30,6 @@ def test_a_substream_accounts_for_every_frame_too() -> None:
 
 
 def test_times_are_cut_to_milliseconds_in_utc() -> None:
-    assert iso_utc(1_777_629_600_999_999_999) == "2026-05-01T10:00:00.999Z"
-    assert iso_utc(0) == "1970-01-01T00:00:00.000Z"
-    assert clock_utc(1_777_629_600_999_999_999) == "10:00:00"
+    assert iso_time(1_777_629_600_999_999_999) == "2026-05-01T10:00:00.999Z"
+    assert iso_time(0) == "1970-01-01T00:00:00.000Z"
+    assert clock_time(1_777_629_600_999_999_999) == "10:00:00"

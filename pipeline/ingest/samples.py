@@ -1,0 +1,202 @@
+"""From the samples of any format to a track: what cannot be used is left out, counted and named."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.config.mission import Datum
+from pipeline.errors import InputError
+from pipeline.ingest.track import Clock, Track
+from pipeline.messages import FloatArray
+
+IntArray = NDArray[np.int64]
+
+#: fields of a sample: degrees, metres, millimetres of equivalent focal length
+FIELDS = (
+    "latitude", "longitude", "absolute_height", "relative_height", "yaw", "pitch", "roll",
+    "aircraft_yaw", "aircraft_pitch", "aircraft_roll", "focal_length_35mm",
+    "horizontal_sd", "height_sd", "attitude_sd", "recording",
+)  # fmt: skip
+_LIMITS = {
+    "latitude": 90.0, "longitude": 180.0, "yaw": 360.0, "pitch": 180.0, "roll": 360.0,
+    "aircraft_yaw": 360.0, "aircraft_pitch": 180.0, "aircraft_roll": 360.0,
+    "absolute_height": 20_000.0, "relative_height": 20_000.0,
+}  # fmt: skip
+#: without one of these, if most samples have it, a sample was not written to its end
+_ESSENTIAL = ("latitude", "longitude", "absolute_height", "relative_height", "yaw", "pitch", "roll")
+#: nothing that films people from the air is faster, metres per second; a fix may wander so far, metres
+_FASTEST_MPS, _WANDER_M = 150.0, 30.0
+_METERS_PER_DEGREE = 111_320.0
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """where: file and line (or packet). time_s: on the track's clock. date_ns: ns since 1970, None without one.
+
+    values: by the names of FIELDS. end_s: how long it holds; None: until the next one.
+    """
+
+    where: str
+    time_s: float
+    values: Mapping[str, float]
+    date_ns: int | None = None
+    end_s: float | None = None
+
+
+@dataclass
+class LeftOut:
+    """Samples that are not used: how many for each reason, and where the first one stands."""
+
+    counts: Counter[str] = field(default_factory=Counter)
+    first: dict[str, str] = field(default_factory=dict)
+
+    def add(self, reason: str, where: str) -> None:
+        """One more."""
+        self.counts[reason] += 1
+        self.first.setdefault(reason, where)
+
+    def __str__(self) -> str:
+        return ", ".join(f"{n} {reason} (first: {self.first[reason]})" for reason, n in self.counts.items())
+
+
+def track_of(
+    path: object,
+    samples: Iterable[Sample],
+    *,
+    expected: str,
+    clock: Clock,
+    left_out: LeftOut | None = None,
+    tied_to_video: bool = True,
+    height_datum: Datum | None = None,
+    camera_name: str | None = None,
+    assumed: Sequence[str] = (),
+) -> Track:
+    """The track of the samples that can be used. expected: what the file should hold, for the error.
+
+    left_out: what the reader left out already. Raises InputError if no sample is left, with the reasons.
+    """
+    left_out = left_out or LeftOut()
+    kept = _plausible(list(samples), left_out)
+    kept = _without_spikes(_in_order(kept, left_out), left_out)
+    if not kept:
+        raise InputError(path, f"no usable sample ({left_out})" if left_out.counts else "no sample", expected)
+    columns = {name: np.array([s.values.get(name, math.nan) for s in kept]) for name in FIELDS}
+    dated = next(((s.time_s, s.date_ns) for s in kept if s.date_ns is not None), None)
+    start_ns = 0 if dated is None else dated[1] - round((dated[0] - kept[0].time_s) * 1e9)
+    return Track(
+        start_ns,
+        np.array([s.time_s for s in kept]),
+        columns["latitude"],
+        columns["longitude"],
+        columns["absolute_height"],
+        columns["relative_height"],
+        np.radians(columns["yaw"]),
+        np.radians(columns["pitch"]),
+        np.radians(columns["roll"]),
+        clock="unknown" if dated is None else clock,
+        tied_to_video=tied_to_video,
+        height_datum=height_datum,
+        aircraft_yaw_rad=_radians(columns["aircraft_yaw"]),
+        aircraft_pitch_rad=_radians(columns["aircraft_pitch"]),
+        aircraft_roll_rad=_radians(columns["aircraft_roll"]),
+        focal_length_35mm=_present(columns["focal_length_35mm"]),
+        horizontal_sd_m=_present(columns["horizontal_sd"]),
+        height_sd_m=_present(columns["height_sd"]),
+        attitude_sd_rad=_radians(columns["attitude_sd"]),
+        recording=_present(columns["recording"]),
+        end_s=kept[-1].end_s,
+        camera_name=camera_name,
+        left_out=dict(left_out.counts),
+        first_left_out=dict(left_out.first),
+        assumed=tuple(assumed),
+    )
+
+
+def _plausible(samples: list[Sample], left_out: LeftOut) -> list[Sample]:
+    """Those that are whole, with a fix, and possible."""
+    count = Counter(name for s in samples for name in _ESSENTIAL if name in s.values)
+    usual = {name for name, n in count.items() if 2 * n > sum(1 for s in samples if s.values)}
+    kept = []
+    for sample in samples:
+        reason = _fault(sample, usual)
+        if reason is None:
+            kept.append(sample)
+        else:
+            left_out.add(reason, sample.where)
+    return kept
+
+
+def _fault(sample: Sample, usual: set[str]) -> str | None:
+    values = sample.values
+    if not values:
+        return "empty"
+    if any(not math.isfinite(v) for v in values.values()):
+        return "unreadable"
+    if values.get("latitude") == 0.0 and values.get("longitude") == 0.0:
+        return "no_fix"
+    if not math.isfinite(sample.time_s) or any(abs(values.get(n, 0.0)) > most for n, most in _LIMITS.items()):
+        return "impossible"
+    return "incomplete" if usual - values.keys() else None
+
+
+def _in_order(samples: list[Sample], left_out: LeftOut) -> list[Sample]:
+    """Those whose times increase. One time that is far ahead of all that follow is the fault, not they."""
+    kept: list[Sample] = []
+    for i, sample in enumerate(samples):
+        if kept and sample.time_s <= kept[-1].time_s:
+            if sample.time_s == kept[-1].time_s:
+                left_out.add("repeated", sample.where)
+                continue
+            ahead = len(kept) > 1 and kept[-2].time_s < sample.time_s
+            if ahead and _goes_on(samples, i, kept[-1].time_s):
+                left_out.add("out_of_order", kept.pop().where)
+            else:
+                left_out.add("out_of_order", sample.where)
+                continue
+        kept.append(sample)
+    return kept
+
+
+def _goes_on(samples: list[Sample], index: int, before_s: float) -> bool:
+    """Whether the sample after this one is, like it, still before a time: then that time was wrong."""
+    return index + 1 >= len(samples) or samples[index].time_s < samples[index + 1].time_s <= before_s
+
+
+def _without_spikes(samples: list[Sample], left_out: LeftOut) -> list[Sample]:
+    """A position that no drone reaches from both of its neighbours is not where the drone was."""
+    if len(samples) < 3 or not all({"latitude", "longitude"} <= s.values.keys() for s in samples):
+        return samples
+    latitude = np.array([s.values["latitude"] for s in samples])
+    longitude = np.array([s.values["longitude"] for s in samples])
+    times_s = np.array([s.time_s for s in samples])
+    wide = math.cos(math.radians(float(np.median(latitude))))
+
+    def too_far(i: IntArray, j: IntArray) -> NDArray[np.bool_]:
+        turn = np.mod(longitude[j] - longitude[i] + 180.0, 360.0) - 180.0
+        distance_m = np.hypot(latitude[j] - latitude[i], turn * wide) * _METERS_PER_DEGREE
+        return np.asarray(distance_m > _WANDER_M + _FASTEST_MPS * np.abs(times_s[j] - times_s[i]))
+
+    # neighbours on both sides; at the ends, the two that follow or go before
+    n = np.arange(len(samples))
+    one, other = n - 1, n + 1
+    one[0], other[0] = 1, 2
+    one[-1], other[-1] = n[-1] - 2, n[-1] - 1
+    spikes = too_far(n, one) & too_far(n, other) & ~too_far(one, other)
+    for sample in (s for s, is_spike in zip(samples, spikes.tolist(), strict=True) if is_spike):
+        left_out.add("impossible", sample.where)
+    return [s for s, is_spike in zip(samples, spikes.tolist(), strict=True) if not is_spike]
+
+
+def _present(column: FloatArray) -> FloatArray | None:
+    return None if np.isnan(column).all() else column
+
+
+def _radians(column: FloatArray) -> FloatArray | None:
+    present = _present(column)
+    return None if present is None else np.radians(present)

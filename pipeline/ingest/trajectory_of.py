@@ -1,0 +1,257 @@
+"""From the samples of a file, and what the mission says of them, to the camera's way in the map frame."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.config.mission import Datum, FixedGimbal, Telemetry
+from pipeline.errors import InputError
+from pipeline.geo.frame import LocalFrame
+from pipeline.ingest.track import Clock, Track
+from pipeline.ingest.trajectory import Trajectory
+from pipeline.messages import FloatArray
+
+BoolArray = NDArray[np.bool_]
+
+#: a course is that of at least so much way, metres: below it a fix only wanders
+_COURSE_WAY_M = 1.0
+#: wind and turns: how well the way of a drone tells where its nose points
+_COURSE_SD_RAD = math.radians(8.0)
+#: (latitude, longitude, degrees) -> height of the geoid above the ellipsoid, and its standard deviation, metres
+Undulation = Callable[[float, float], tuple[float, float]]
+
+
+@dataclass(frozen=True)
+class Ground:
+    """What of the ground heights are told by. height_m(east, north): above the datum, NaN where unknown."""
+
+    datum: Datum
+    height_m: Callable[[float, float], float]
+    undulation: Undulation | None = None
+
+
+def trajectory_of(
+    track: Track,
+    telemetry: Telemetry,
+    frame: LocalFrame,
+    ground: Ground,
+    *,
+    offset_s: float | None = None,
+    angles: Track | None = None,
+) -> Trajectory:
+    """The way of the camera. angles: the track of ``telemetry.angles``, if the mission names one.
+
+    offset_s: added to the track's times to get the video's; absent, the mission's time_offset. Raises InputError
+    for a position, a height or an angle that nothing tells, with what to write.
+    """
+    offset_s = (telemetry.time_offset or 0.0) if offset_s is None else offset_s
+    known = np.isfinite(track.latitude_deg) & np.isfinite(track.longitude_deg)
+    if not known.any():
+        raise InputError(telemetry.file, "telemetry without positions", "a file with latitude and longitude")
+    assumed = list(track.assumed)
+    east, north = frame.enu_from_wgs84(track.latitude_deg[known], track.longitude_deg[known])
+    up, height_sd_m = _heights(track, telemetry, known, (float(east[0]), float(north[0])), ground, assumed)
+    times_s = track.times_s[known] + offset_s
+    way = np.stack([east, north], axis=1)
+    angles_rad, course_sd_rad = _angles(track, telemetry, known, times_s, way, angles, assumed)
+    up_sd_m, attitude_sd_rad = _or_nan(track.height_sd_m, known), _or_nan(track.attitude_sd_rad, known)
+    if height_sd_m:
+        up_sd_m = np.hypot(np.nan_to_num(up_sd_m), height_sd_m)
+    if course_sd_rad:
+        attitude_sd_rad = np.full(len(attitude_sd_rad), course_sd_rad)
+    sds = np.stack([_or_nan(track.horizontal_sd_m, known), up_sd_m, attitude_sd_rad], axis=1)
+    whole = np.isfinite(up) & np.isfinite(angles_rad).all(axis=1)
+    if not whole.any():
+        raise InputError(telemetry.file, "no sample with position, height and angles", "one at least")
+    clock, start_ns = _clock(track, telemetry, offset_s)
+    return Trajectory(
+        times_s[whole],
+        np.column_stack([way, up])[whole],
+        angles_rad[whole],
+        sds[whole],
+        _focal_scale(track, known)[whole],
+        _end_s(track, times_s[whole], offset_s),
+        telemetry.longest_gap,
+        start_ns,
+        clock,
+        tuple(assumed),
+    )
+
+
+def _clock(track: Track, telemetry: Telemetry, offset_s: float) -> tuple[Clock, int]:
+    """What the dates count on, and the date of the video's time 0."""
+    start_ns = track.start_time_ns - round((float(track.times_s[0]) + offset_s) * 1e9)
+    if track.clock == "local" and telemetry.utc_offset is not None:
+        return "utc", start_ns - round(telemetry.utc_offset * 1e9)
+    return track.clock, start_ns
+
+
+def _end_s(track: Track, times_s: FloatArray, offset_s: float) -> float:
+    last_s = float(times_s[-1])
+    if track.end_s is not None:
+        return max(last_s, track.end_s + offset_s)
+    return last_s + (0.5 * float(np.median(np.diff(times_s))) if len(times_s) > 1 else 0.0)
+
+
+def _heights(
+    track: Track,
+    telemetry: Telemetry,
+    known: BoolArray,
+    first_en: tuple[float, float],
+    ground: Ground,
+    assumed: list[str],
+) -> tuple[FloatArray, float]:
+    """Heights above the terrain's datum, h (ellipsoid) = H (geoid) + N (undulation), and what N adds to their error."""
+    relative = telemetry.height == "relative"
+    heights = (track.relative_height_m if relative else track.absolute_height_m)[known]
+    if np.isnan(heights).all():
+        other = "absolute" if relative else "relative"
+        found = f"telemetry without {telemetry.height} height"
+        raise InputError(telemetry.file, found, f"it, or telemetry.height: {other}")
+    if relative and telemetry.takeoff_height is None:
+        ground_m = ground.height_m(*first_en)
+        if math.isnan(ground_m):
+            found = "heights above take-off, and no ground under the first sample"
+            raise InputError(
+                telemetry.file, found, "telemetry.takeoff_height, or a terrain that reaches there"
+            )
+        assumed.append(
+            f"take-off at the ground under the first sample, {ground_m:.1f} m above the {ground.datum}"
+        )
+        return np.asarray(heights + ground_m), 0.0
+    if relative and telemetry.takeoff_height is not None:
+        heights = heights + telemetry.takeoff_height
+    datum = telemetry.height_datum or (None if relative else track.height_datum)
+    if datum is None:
+        datum = ground.datum
+        assumed.append(
+            f"{telemetry.height} heights count from the {datum}, as the terrain's (telemetry.height_datum)"
+        )
+    if datum == ground.datum:
+        return np.asarray(heights), 0.0
+    undulation_m, sd_m = _undulation(track, telemetry, known, ground, datum, assumed)
+    return np.asarray(heights + undulation_m * (1.0 if ground.datum == "ellipsoid" else -1.0)), sd_m
+
+
+def _undulation(
+    track: Track,
+    telemetry: Telemetry,
+    known: BoolArray,
+    ground: Ground,
+    datum: Datum,
+    assumed: list[str],
+) -> tuple[float, float]:
+    if telemetry.geoid_undulation is not None:
+        return telemetry.geoid_undulation, 0.0
+    if ground.undulation is None:
+        found = f"heights above the {datum} and a terrain above the {ground.datum}"
+        raise InputError(telemetry.file, found, "geoid_undulation in the stream's telemetry")
+    value_m, sd_m = ground.undulation(
+        float(track.latitude_deg[known][0]), float(track.longitude_deg[known][0])
+    )
+    assumed.append(f"the geoid is {value_m:.1f} m (sd {sd_m:.1f} m) above the ellipsoid, by a geoid model")
+    return value_m, sd_m
+
+
+def _angles(
+    track: Track,
+    telemetry: Telemetry,
+    known: BoolArray,
+    times_s: FloatArray,
+    way: FloatArray,
+    other: Track | None,
+    assumed: list[str],
+) -> tuple[FloatArray, float]:
+    """Yaw, pitch and roll (N, 3) of the camera, NaN where nothing tells them; and the error of a yaw by course."""
+    gimbal, mounting = telemetry.gimbal, telemetry.mounting
+    if other is not None and telemetry.angles is not None:
+        own_s = other.times_s + telemetry.angles.time_offset
+        own = (other.yaw_rad, other.pitch_rad, other.roll_rad)
+        columns = [_at(times_s, own_s, values, telemetry.longest_gap) for values in own]
+    else:
+        columns = [track.yaw_rad[known], track.pitch_rad[known], track.roll_rad[known]]
+    yaw, course_sd_rad = _yaw(columns[0], gimbal, track, known, way, telemetry)
+    pitch = columns[1] if gimbal.pitch is None else np.full(len(times_s), gimbal.pitch)
+    roll = columns[2] if gimbal.roll is None else np.full(len(times_s), gimbal.roll)
+    if np.isnan(roll).all():
+        roll = np.zeros(len(times_s))
+        assumed.append("the camera is level sideways (telemetry.gimbal.roll)")
+    for name, values, example in (("yaw", yaw, "course"), ("pitch", pitch, "{degrees: -45}")):
+        if np.isnan(values).all():
+            expected = f"a file with them (telemetry.angles), or telemetry.gimbal: {{{name}: {example}}}"
+            raise InputError(telemetry.file, f"telemetry without gimbal {name}", expected)
+    turned = np.stack(
+        [yaw + mounting.yaw + telemetry.yaw_offset, pitch + mounting.pitch, roll + mounting.roll], axis=1
+    )
+    if course_sd_rad:
+        assumed.append("the camera looks where the drone flies (gimbal.yaw: course), to 8 degrees")
+    return turned, course_sd_rad
+
+
+def _yaw(
+    own: FloatArray,
+    gimbal: FixedGimbal,
+    track: Track,
+    known: BoolArray,
+    way: FloatArray,
+    telemetry: Telemetry,
+) -> tuple[FloatArray, float]:
+    if gimbal.yaw is None:
+        return own, 0.0
+    if gimbal.yaw == "course":
+        return course(way), _COURSE_SD_RAD
+    if gimbal.yaw == "aircraft":
+        if track.aircraft_yaw_rad is None:
+            found = "gimbal.yaw: aircraft, and telemetry without the aircraft's heading"
+            raise InputError(telemetry.file, found, "gimbal.yaw: course, or an angle")
+        return track.aircraft_yaw_rad[known], 0.0
+    return np.full(len(own), gimbal.yaw), 0.0
+
+
+def course(way: FloatArray) -> FloatArray:
+    """The direction of flight (N,), radians clockwise from north, of positions (N, 2) east and north.
+
+    The way is cut into legs of a metre or more, so that the wandering of a fix over a hovering drone is none; a
+    course turns from the middle of a leg to the middle of the next one. All NaN for a drone that never moves a metre.
+    """
+    anchors = [0]
+    for k in range(1, len(way)):
+        if math.dist(way[k], way[anchors[-1]]) >= _COURSE_WAY_M:
+            anchors.append(k)
+    if len(anchors) == 1:
+        return np.full(len(way), math.nan)
+    ends = np.array(anchors)
+    legs = np.diff(way[ends], axis=0)
+    middles = 0.5 * (ends[1:] + ends[:-1])
+    return np.asarray(np.interp(np.arange(len(way)), middles, np.unwrap(np.arctan2(legs[:, 0], legs[:, 1]))))
+
+
+def _at(times_s: FloatArray, own_s: FloatArray, values_rad: FloatArray, longest_gap_s: float) -> FloatArray:
+    """Angles of another clock at given times; NaN before, after and in gaps."""
+    known = np.isfinite(values_rad)
+    if not known.any():
+        return np.full(len(times_s), math.nan)
+    own_s, unwrapped = own_s[known], np.unwrap(values_rad[known])
+    result = np.interp(times_s, own_s, unwrapped, left=math.nan, right=math.nan)
+    after = np.clip(np.searchsorted(own_s, times_s), 1, max(len(own_s) - 1, 1))
+    if len(own_s) > 1:
+        result[own_s[after] - own_s[after - 1] > longest_gap_s] = math.nan
+    return np.asarray(result)
+
+
+def _focal_scale(track: Track, known: BoolArray) -> FloatArray:
+    """Focal length over the shortest one of the track: the camera's calibration is that of the widest view."""
+    if track.focal_length_35mm is None:
+        return np.ones(int(known.sum()))
+    focal_mm = track.focal_length_35mm[known]
+    shortest_mm = float(np.nanmin(focal_mm)) if np.isfinite(focal_mm).any() else math.nan
+    return np.where(np.isfinite(focal_mm), focal_mm / shortest_mm, 1.0)
+
+
+def _or_nan(values: FloatArray | None, known: BoolArray) -> FloatArray:
+    return np.full(int(known.sum()), math.nan) if values is None else values[known]

@@ -1,0 +1,50 @@
+"""Streams of one mission are put on one clock, and what was assumed for that is said."""
+
+import numpy as np
+import pytest
+
+from pipeline.ingest.track import Clock
+from pipeline.ingest.trajectory import Trajectory
+from pipeline.mission.clocks import pacing_offsets_s, settled
+
+HOUR_NS = 3_600 * 10**9
+
+
+def stream(start_ns: int, clock: Clock = "local") -> Trajectory:
+    one = np.ones(1)
+    return Trajectory(one, np.ones((1, 3)), np.ones((1, 3)), np.ones((1, 3)), one, 60.0, 3.0, start_ns, clock)
+
+
+def starts(*streams: Trajectory) -> tuple[list[int], list[str]]:
+    moved, findings = settled([(f"drone-{k}", s, 60.0) for k, s in enumerate(streams)])
+    return [s.start_ns for s in moved], [f.cause for f in findings]
+
+
+@pytest.mark.parametrize("hours", [1.0, -2.0, 5.5, 0.25])
+def test_a_clock_of_another_zone_is_moved_and_said(hours: float) -> None:
+    ahead = round(hours * HOUR_NS)
+    assert starts(stream(HOUR_NS * 9), stream(HOUR_NS * 9 + ahead + 10**9)) == (
+        [HOUR_NS * 9, HOUR_NS * 9 + 10**9],
+        ["time_zone"],
+    )
+
+
+@pytest.mark.parametrize("ahead_ns", [0, 30 * 10**9, -20 * 10**9, 400 * 10**9, 48 * HOUR_NS])
+def test_clocks_that_overlap_or_are_apart_by_no_zone_are_left(ahead_ns: int) -> None:
+    assert starts(stream(HOUR_NS), stream(HOUR_NS + ahead_ns)) == ([HOUR_NS, HOUR_NS + ahead_ns], [])
+
+
+def test_clocks_that_are_known_to_be_utc_are_left() -> None:
+    assert starts(stream(0, "utc"), stream(HOUR_NS, "utc")) == ([0, HOUR_NS], [])
+
+
+def test_a_stream_without_dates_begins_with_the_first_that_has_them() -> None:
+    assert starts(stream(0, "unknown"), stream(HOUR_NS)) == ([HOUR_NS, HOUR_NS], ["clock_unknown"])
+    assert starts(stream(0, "unknown"), stream(0, "unknown")) == ([0, 0], [])
+
+
+def test_at_pace_realtime_nobody_waits_for_a_flight_that_was_an_hour_later() -> None:
+    assert pacing_offsets_s(
+        [0, 3 * 10**9, HOUR_NS, HOUR_NS + 5 * 10**9], [60.0, 60.0, 60.0, 60.0]
+    ) == pytest.approx([0.0, 3.0, 73.0, 78.0])
+    assert pacing_offsets_s([HOUR_NS, 0], [10.0, 10.0]) == [20.0, 0.0]
