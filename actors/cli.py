@@ -14,13 +14,14 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from actors.commands import allocate, evaluate, experiment, experiment_allocation, pool
+from actors.commands import allocate, evaluate, experiment, experiment_allocation, fuse, pool
 from actors.terminal import progress_bars as _progress
 from actors.terminal import say as _say
 from pipeline.errors import InputError, SearchlightError
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, help=__doc__)
 app.command()(allocate.allocate)
+app.command()(fuse.fuse)
 experiment_allocation.register(experiment.app)
 app.add_typer(experiment.app, name="experiment")
 evaluate.register(app)

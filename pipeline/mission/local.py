@@ -27,7 +27,8 @@ class FinishedRun:
     """What a run leaves behind, before it is written.
 
     plan: what ran. reducer: with the map. counts: of the sources. bytes_sent: per (stream, site). seconds:
-    first frame to last result. pace: ``realtime``, ``max`` or ``local``.
+    first frame to last result. pace: ``realtime``, ``max``, ``local``, or ``fuse`` for detections that others
+    made; own_detections: sentences about these, see Summary.
     """
 
     plan: Plan
@@ -36,6 +37,7 @@ class FinishedRun:
     bytes_sent: Mapping[tuple[str, str], int]
     seconds: float
     pace: str
+    own_detections: tuple[str, ...] = ()
 
 
 def run_local(prepared: PreparedMission, plan: Plan, progress: Progress) -> FinishedRun:
@@ -71,10 +73,20 @@ def process(
     return counts, sent
 
 
-def make_reducer(prepared: PreparedMission, plan: Plan, *, lateness: bool) -> ReducerStage:
-    """The reducer for a plan; without lateness it waits for every substream for as long as it takes."""
+def make_reducer(
+    prepared: PreparedMission,
+    plan: Plan,
+    *,
+    lateness: bool,
+    relative_accuracy: Mapping[str, float] | None = None,
+) -> ReducerStage:
+    """The reducer for a plan; without lateness it waits for every substream for as long as it takes.
+
+    relative_accuracy: of the pool detectors, 0..1, where it does not follow from the pool.
+    """
     substreams = tuple((a.stream, a.detector) for a in plan.assignments)
-    relative = {a.detector: prepared.relative_accuracy[a.pool_detector] for a in plan.assignments}
+    by_pool = relative_accuracy or prepared.relative_accuracy
+    relative = {a.detector: by_pool[a.pool_detector] for a in plan.assignments}
     fuser = Fuser(prepared.terrain, prepared.mission.fusion, prepared.cameras, relative)
     lateness_ns = round(prepared.mission.fusion.lateness * 1e9) if lateness else None
     start_ns = {s.stream: s.start_ns for s in prepared.streams}

@@ -32,6 +32,17 @@ from pipeline.sensor.expected_size import expected_person_px
 
 
 @dataclass(frozen=True, eq=False)
+class Filmed:
+    """All that a map needs beside detections; findings and left_out as in PreparedMission."""
+
+    terrain: Terrain
+    cameras: dict[str, Camera]
+    streams: tuple[StreamInput, ...]
+    findings: tuple[Finding, ...]
+    left_out: Mapping[str, Mapping[str, int]]
+
+
+@dataclass(frozen=True, eq=False)
 class PreparedMission:
     """A mission whose every file was read and found usable.
 
@@ -88,6 +99,20 @@ def prepare(path: Path, thorough: bool = False) -> PreparedMission:
     with faults.collected():
         for codec in (mission.processing.codec, *mission.processing.codecs):
             require_codec(codec)
+    filmed = read_filmed(path, mission, faults, thorough)
+    terrain, cameras, streams = filmed.terrain, filmed.cameras, filmed.streams
+    own_site = {s.id: s.site for s in mission.streams}
+    person_px = {}
+    if mission.processing.expected_size:
+        person_px = {s.stream: _person_px(terrain, cameras[s.stream], s) for s in streams}
+    problem = build_problem(own_site, mission.processing, inventory, pool, where=path, person_px=person_px)
+    return PreparedMission(
+        path, mission, inventory, pool, terrain, cameras, streams, problem, filmed.findings, filmed.left_out
+    )
+
+
+def read_filmed(path: Path, mission: Mission, faults: Faults, thorough: bool = False) -> Filmed:
+    """What was filmed, and over which ground. Raises what ``faults`` has collected before and here."""
     with faults.collected():
         frame = _frame(mission)
         terrain = terrain_at(mission, frame, mission.fusion.cell_size)
@@ -102,15 +127,8 @@ def prepare(path: Path, thorough: bool = False) -> PreparedMission:
     streams, findings = _streams(mission, terrain, recordings, faults)
     faults.raise_if_any()
     cameras = {r.stream.id: r.camera for r in recordings}
-    own_site = {s.id: s.site for s in mission.streams}
-    person_px = {}
-    if mission.processing.expected_size:
-        person_px = {s.stream: _person_px(terrain, cameras[s.stream], s) for s in streams}
-    problem = build_problem(own_site, mission.processing, inventory, pool, where=path, person_px=person_px)
     left_out = {r.stream.id: dict(r.track.left_out) for r in recordings if r.track.left_out}
-    return PreparedMission(
-        path, mission, inventory, pool, terrain, cameras, streams, problem, tuple(findings), left_out
-    )
+    return Filmed(terrain, cameras, streams, tuple(findings), left_out)
 
 
 def _streams(

@@ -91,6 +91,7 @@ def _summary(
         clock=prepared.clock,
         findings=prepared.findings,
         left_out=prepared.left_out,
+        own_detections=run.own_detections,
     )
 
 

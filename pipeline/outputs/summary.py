@@ -89,6 +89,8 @@ class Summary:
     match: None where the truth is not known. not_taken: what the map did not take, reason -> count.
     provenance: label -> text, such as versions; never a secret. clock: of the times. findings: of the checks,
     and what was assumed. left_out: samples of telemetry that were not used, stream -> reason -> count.
+    own_detections: where detections that were
+    not made by this run come from, and what was assumed of them, a sentence each; empty: this run made them.
     """
 
     mission: str
@@ -107,6 +109,7 @@ class Summary:
     clock: Clock = "utc"
     findings: Sequence[Finding] = ()
     left_out: Mapping[str, Mapping[str, int]] = field(default_factory=dict)
+    own_detections: Sequence[str] = ()
 
 
 def write_summary(path: Path, summary: Summary) -> None:
@@ -135,6 +138,7 @@ def summary_to_json(summary: Summary) -> dict[str, Any]:
         "telemetry_left_out": {name: dict(counts) for name, counts in summary.left_out.items()},
         "evidence_not_taken": dict(sorted(summary.not_taken.items())),
         "provenance": dict(summary.provenance),
+        "own_detections": list(summary.own_detections),
     }
     plain = _finite(content)
     assert isinstance(plain, dict)

@@ -104,6 +104,13 @@ def decoded_frames(path: Path) -> Iterator[VideoFrame]:
         yield from _decoded(path, container, stream)
 
 
+def picture_times_s(path: Path) -> NDArray[np.float64]:
+    """Presentation time of every picture since the first one, seconds, increasing; nothing is decoded."""
+    with _opened(path) as (container, stream):
+        times = sorted(_seconds(packet.pts, stream) for packet in container.demux(stream) if packet.size)
+    return np.array(times, np.float64) - (times[0] if times else 0.0)
+
+
 def sampled_indices(
     frames: int, video_rate_hz: float, processing_rate_hz: float, where: object = "processing.frame_rate"
 ) -> NDArray[np.int64]:
