@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from pipeline.config.mission import Datum
 from pipeline.errors import InputError
+from pipeline.ingest.increasing import longest_increasing
 from pipeline.ingest.track import Clock, Track
 from pipeline.messages import FloatArray
 
@@ -146,26 +147,14 @@ def _fault(sample: Sample, usual: set[str]) -> str | None:
 
 
 def _in_order(samples: list[Sample], left_out: LeftOut) -> list[Sample]:
-    """Those whose times increase. One time that is far ahead of all that follow is the fault, not they."""
-    kept: list[Sample] = []
-    for i, sample in enumerate(samples):
-        if kept and sample.time_s <= kept[-1].time_s:
-            if sample.time_s == kept[-1].time_s:
-                left_out.add("repeated", sample.where)
-                continue
-            ahead = len(kept) > 1 and kept[-2].time_s < sample.time_s
-            if ahead and _goes_on(samples, i, kept[-1].time_s):
-                left_out.add("out_of_order", kept.pop().where)
-            else:
-                left_out.add("out_of_order", sample.where)
-                continue
-        kept.append(sample)
-    return kept
-
-
-def _goes_on(samples: list[Sample], index: int, before_s: float) -> bool:
-    """Whether the sample after this one is, like it, still before a time: then that time was wrong."""
-    return index + 1 >= len(samples) or samples[index].time_s < samples[index + 1].time_s <= before_s
+    """The most whose times increase. A few times far ahead are the fault, not all that follow them."""
+    times_s = np.array([s.time_s for s in samples], np.float64)
+    rows = longest_increasing(times_s)
+    others = np.setdiff1d(np.arange(len(samples)), rows)
+    repeated = np.isin(times_s[others], times_s[rows])
+    for row, again in zip(others.tolist(), repeated.tolist(), strict=True):
+        left_out.add("repeated" if again else "out_of_order", samples[row].where)
+    return [samples[row] for row in rows]
 
 
 def _without_spikes(samples: list[Sample], left_out: LeftOut) -> list[Sample]:

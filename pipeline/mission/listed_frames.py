@@ -15,8 +15,8 @@ from pipeline.errors import InputError
 from pipeline.ingest.tables.cells import number
 from pipeline.ingest.tables.delimited import DelimitedTable, Row, read_table
 from pipeline.ingest.tables.known_names import columns_by_names
-from pipeline.ingest.tables.text import read_text
 from pipeline.ingest.tables.units import factor, split_unit
+from pipeline.ingest.text import read_text
 
 Box = tuple[float, float, float, float]
 _EXPECTED = "COCO results (JSON), or a table (CSV) with a row per box"
@@ -214,8 +214,8 @@ def _table(path: Path, table: DelimitedTable) -> Listing:
                 path, f"no column {missing} among {', '.join(table.names[:12])}", _columns_expected()
             )
     listing = Listing()
-    for reason, count in table.left_out.items():
-        listing.leave_out(reason, str(path), count)
+    for reason, count in table.left_out.counts.items():
+        listing.leave_out(reason.replace("_", " "), table.left_out.first[reason], count)
     scale_s = _time_scale(table, found.get("time"))
     for row in table.rows:
         listed = _listed(f"{path}:{row.line}", row, found, (kind, box), table.decimal, scale_s)

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 
 from pipeline.config.mission import Column, Telemetry
 from pipeline.errors import InputError
+from pipeline.ingest.increasing import longest_increasing
 from pipeline.ingest.registry import read_telemetry
-from pipeline.ingest.tables.increasing import longest_increasing
 from pipeline.ingest.track import Track
 from tests.dialects import airdata_csv, column_table, dji_flight_record_csv, litchi_csv
 

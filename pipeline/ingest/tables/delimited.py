@@ -11,6 +11,7 @@ from pathlib import Path
 
 from pipeline.config.mission import Table as Layout
 from pipeline.errors import InputError
+from pipeline.ingest.samples import LeftOut
 from pipeline.ingest.tables.units import is_unit
 
 _DELIMITERS = ("\t", ";", "|", ",")
@@ -44,7 +45,11 @@ class DelimitedTable:
     names: tuple[str, ...]
     rows: list[Row]
     decimal: str
-    left_out: Counter[str] = field(default_factory=Counter)
+    left_out: LeftOut = field(default_factory=LeftOut)
+
+    def where(self, row: Row) -> str:
+        """File and line."""
+        return f"{self.path}:{row.line}"
 
     def index(self, name: str | int) -> int | None:
         """The column of a name (letter case and spaces do not matter) or number from 1; None: there is none."""
@@ -168,12 +173,12 @@ def _name(i: int, names: list[str], units: list[str]) -> str:
 
 def _fitting(
     path: Path, rows: list[Row], names: tuple[str, ...], delimiter: str
-) -> tuple[list[Row], Counter[str]]:
+) -> tuple[list[Row], LeftOut]:
     """Rows without surplus cells. Raises InputError if most have some: then the cells are not what they seem."""
-    kept, left_out = [], Counter[str]()
+    kept, left_out = [], LeftOut()
     for row in rows:
         if any(cell.strip() for cell in row.cells[len(names) :]):
-            left_out["more cells than names"] += 1
+            left_out.add("surplus_cells", f"{path}:{row.line}")
         else:
             kept.append(row)
     if len(kept) < 0.5 * len(rows):

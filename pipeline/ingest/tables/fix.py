@@ -27,7 +27,9 @@ def without_fix(
     A column of satellites that is zero throughout is one that was never filled.
     """
     lacking = np.isnan(latitude) | np.isnan(longitude) | ((latitude == 0.0) & (longitude == 0.0))
-    satellites = values.get("satellites")
+    satellites, level = values.get("satellites"), values.get("gps_level")
+    if level is not None and np.nan_to_num(level).any():
+        lacking |= level < 1.0
     if satellites is None:
         return lacking
     if not np.nan_to_num(satellites).any():

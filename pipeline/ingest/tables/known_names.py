@@ -7,8 +7,8 @@ from collections.abc import Mapping
 
 from pipeline.config.mission import Column
 from pipeline.ingest.tables.delimited import DelimitedTable
-from pipeline.ingest.tables.text import decode
 from pipeline.ingest.tables.units import split_unit
+from pipeline.ingest.text import decoded
 
 
 def columns_by_names(table: DelimitedTable, names: Mapping[str, tuple[str, ...]]) -> dict[str, Column]:
@@ -41,6 +41,6 @@ def plain_name(name: str) -> str:
 
 def head_names(head: bytes) -> frozenset[str]:
     """Every word of the first lines of a file that could be a column's name, without its unit."""
-    lines = decode(head).split("\n")[:5]
+    lines = decoded(head).split("\n")[:5]
     cells = (cell for line in lines for cell in re.split(r"[,;\t|]", line))
     return frozenset(plain_name(split_unit(cell.strip().strip('"'))[0]) for cell in cells)

@@ -2,132 +2,84 @@
 
 from __future__ import annotations
 
-import math
-from collections import Counter
-
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.config.mission import Column, Datum
-from pipeline.errors import InputError
-from pipeline.ingest.tables.delimited import DelimitedTable
+from pipeline.ingest.samples import FIELDS, Sample, track_of
+from pipeline.ingest.tables.columns import TableColumns, read_columns
+from pipeline.ingest.tables.delimited import DelimitedTable, Row
 from pipeline.ingest.tables.fix import fix_sd_m, without_fix
-from pipeline.ingest.tables.increasing import longest_increasing
-from pipeline.ingest.tables.sample_times import sample_times
-from pipeline.ingest.tables.samples import AIRCRAFT, CAMERA, Samples, read_samples
+from pipeline.ingest.tables.sample_times import SampleTimes, sample_times
 from pipeline.ingest.track import Track
-from pipeline.messages import FloatArray
 
-#: a row that lacks one of these is half written, if most other rows have it
-_USUAL = ("absolute_height", "relative_height", *CAMERA)
-#: heights beyond that are no flight over ground, metres
-_LOWEST_M, _HIGHEST_M = -1000.0, 20_000.0
-#: turns counted on past a full one are found in logs, more than two are not
-_MOST_DEG = 720.0
-_RAD = math.radians(1.0)
+_EXPECTED = "rows with a time and a position"
+#: a row that ends before one of these was not written to its end
+_NEEDED = ("latitude", "longitude", "absolute_height", "relative_height", "yaw", "pitch", "roll")
 
 
-def track_of(table: DelimitedTable, columns: dict[str, Column], height_datum: Datum | None = None) -> Track:
+def track_of_table(
+    table: DelimitedTable, columns: dict[str, Column], height_datum: Datum | None = None
+) -> Track:
     """The samples of a table. columns: by quantity. height_datum: of absolute_height, if the format says it.
 
     Raises InputError if a column is not there, has no known unit, or no row can be used.
     """
-    samples = read_samples(table, columns)
+    read = read_columns(table, columns)
+    _widen_weak_fixes(read)
     times = sample_times(table, columns)
-    rows, left_out = _usable(samples, times.times_s)
-    horizontal_sd_m, height_sd_m = _standard_deviations(samples, rows)
-    recording = samples.chosen("recording", rows)
-    times_s = times.times_s[rows]
-    start_ns = times.start_ns + round(float(times_s[0]) * 1e9)
-    return Track(
-        start_time_ns=0 if times.clock == "unknown" else start_ns,
-        times_s=times_s,
-        latitude_deg=samples.get("latitude")[rows],
-        longitude_deg=samples.get("longitude")[rows],
-        absolute_height_m=samples.get("absolute_height")[rows],
-        relative_height_m=samples.get("relative_height")[rows],
-        yaw_rad=samples.get("yaw")[rows] * _RAD,
-        pitch_rad=samples.get("pitch")[rows] * _RAD,
-        roll_rad=samples.get("roll")[rows] * _RAD,
+    return track_of(
+        table.path,
+        _samples(read, times),
+        expected=_EXPECTED,
         clock=times.clock,
+        left_out=table.left_out,
         tied_to_video=times.tied_to_video,
         height_datum=height_datum,
-        aircraft_yaw_rad=samples.chosen("aircraft_yaw", rows, _RAD),
-        aircraft_pitch_rad=samples.chosen("aircraft_pitch", rows, _RAD),
-        aircraft_roll_rad=samples.chosen("aircraft_roll", rows, _RAD),
-        focal_length_35mm=samples.chosen("focal_length_35mm", rows),
-        horizontal_sd_m=horizontal_sd_m,
-        height_sd_m=height_sd_m,
-        attitude_sd_rad=samples.chosen("attitude_sd", rows, _RAD),
-        recording=None if recording is None else np.nan_to_num(recording, nan=0.0),
         camera_name=_camera_name(table, columns),
-        left_out=dict(left_out),
-        assumed=(*samples.assumed, *times.assumed),
+        assumed=(*read.assumed, *times.assumed),
     )
 
 
-def _usable(samples: Samples, times_s: FloatArray) -> tuple[NDArray[np.int64], Counter[str]]:
-    """Numbers of the rows to keep, and why others are not kept."""
-    left_out = Counter(samples.table.left_out)
-    keep = np.ones(len(times_s), bool)
-
-    def leave_out(where: NDArray[np.bool_], reason: str) -> None:
-        if count := int(np.count_nonzero(keep & where)):
-            left_out[reason] += count
-            keep[where] = False
-
-    latitude, longitude = samples.get("latitude"), samples.get("longitude")
-    leave_out(_cut(samples), "half written")
-    leave_out(~np.isfinite(times_s), "no time")
-    leave_out(without_fix(latitude, longitude, samples.values, samples.assumed), "no fix")
-    leave_out((np.abs(latitude) > 90.0) | (np.abs(longitude) > 180.0), "impossible")
-    for name in ("absolute_height", "relative_height"):
-        height_m = samples.get(name)
-        leave_out((height_m < _LOWEST_M) | (height_m > _HIGHEST_M), "impossible")
-    for name in (*CAMERA, *AIRCRAFT):
-        leave_out(np.abs(samples.get(name)) > _MOST_DEG, "impossible")
-    for name in _USUAL:
-        lacking = np.isnan(samples.get(name))
-        if keep.any() and np.mean(lacking[keep]) < 0.5:
-            leave_out(lacking, "half written")
-    return _in_order(np.where(keep, times_s, math.nan), samples.table, left_out), left_out
+def _samples(read: TableColumns, times: SampleTimes) -> list[Sample]:
+    """The rows that have a time and a fix; others are counted in the table."""
+    table = read.table
+    needed = max(table.index(read.columns[name].name) or 0 for name in _NEEDED if name in read.columns)
+    no_fix = without_fix(read.get("latitude"), read.get("longitude"), read.values, read.assumed).tolist()
+    names = [name for name in FIELDS if name in read.values]
+    cells = np.stack([read.values[name] for name in names], axis=1)
+    held = np.isfinite(cells)
+    samples = []
+    for i, row in enumerate(table.rows):
+        reason = _fault(row, needed, float(times.times_s[i]), no_fix[i])
+        if reason is not None:
+            table.left_out.add(reason, table.where(row))
+            continue
+        time_s = float(times.times_s[i])
+        values = {name: float(cells[i, k]) for k, name in enumerate(names) if held[i, k]}
+        date_ns = None if times.clock == "unknown" else times.start_ns + round(time_s * 1e9)
+        samples.append(Sample(table.where(row), time_s, values, date_ns))
+    return samples
 
 
-def _cut(samples: Samples) -> NDArray[np.bool_]:
-    """Where a row ends before the last column that is needed of it."""
-    needed = ("latitude", "longitude", *_USUAL)
-    indices = [
-        samples.table.index(samples.columns[name].name) or 0 for name in needed if name in samples.columns
-    ]
-    return np.array([len(row.cells) <= max(indices) for row in samples.table.rows], bool)
+def _fault(row: Row, needed: int, time_s: float, no_fix: bool) -> str | None:
+    if len(row.cells) <= needed:
+        return "incomplete"
+    if not np.isfinite(time_s):
+        return "no_time"
+    return "no_fix" if no_fix else None
 
 
-def _in_order(times_s: FloatArray, table: DelimitedTable, left_out: Counter[str]) -> NDArray[np.int64]:
-    rows = longest_increasing(times_s)
-    if not len(rows):
-        reasons = ", ".join(f"{reason} {count}" for reason, count in left_out.items())
-        found = f"no usable row of {len(table.rows)} ({reasons})"
-        raise InputError(table.path, found, "rows with a time and a position")
-    others = np.setdiff1d(np.flatnonzero(np.isfinite(times_s)), rows)
-    repeated = int(np.isin(times_s[others], times_s[rows]).sum())
-    for reason, count in (("repeated", repeated), ("out of order", len(others) - repeated)):
-        if count:
-            left_out[reason] += count
-    return rows
-
-
-def _standard_deviations(
-    samples: Samples, rows: NDArray[np.int64]
-) -> tuple[FloatArray | None, FloatArray | None]:
-    """Horizontal and height: as the columns state them; else from the kind of fix, where it is a weak one."""
-    horizontal_m, height_m = samples.chosen("horizontal_sd", rows), samples.chosen("height_sd", rows)
+def _widen_weak_fixes(read: TableColumns) -> None:
+    """Standard deviations from the kind of fix, where no column states them and the fix is a weak one."""
+    if "horizontal_sd" in read.values:
+        return
+    horizontal_m = fix_sd_m(read.values)
     if horizontal_m is None:
-        horizontal_m = fix_sd_m({name: values[rows] for name, values in samples.values.items()})
-        if horizontal_m is not None:
-            weak = int(np.isfinite(horizontal_m).sum())
-            samples.assumed.append(f"{weak} rows with a weak fix have a standard deviation of 2 to 10 m")
-            height_m = 1.5 * horizontal_m if height_m is None else height_m
-    return horizontal_m, height_m
+        return
+    read.values["horizontal_sd"] = horizontal_m
+    read.values.setdefault("height_sd", 1.5 * horizontal_m)
+    weak = int(np.isfinite(horizontal_m).sum())
+    read.assumed.append(f"{weak} rows with a weak fix have a standard deviation of 2 to 10 m")
 
 
 def _camera_name(table: DelimitedTable, columns: dict[str, Column]) -> str | None:

@@ -12,8 +12,8 @@ from pathlib import Path
 from pipeline.config.mission import Telemetry
 from pipeline.ingest.tables.delimited import read_table
 from pipeline.ingest.tables.known_names import columns_by_names, head_names
-from pipeline.ingest.tables.text import read_text
-from pipeline.ingest.tables.track import track_of
+from pipeline.ingest.tables.track import track_of_table
+from pipeline.ingest.text import read_text
 from pipeline.ingest.track import Track
 
 _NAMES = {
@@ -47,4 +47,4 @@ def read_airdata_csv(telemetry: Telemetry) -> Track:
     """The samples of a file. Raises InputError if none can be used."""
     text = read_text(telemetry.file, "a flight log of Airdata (CSV)")
     table = read_table(telemetry.file, text, telemetry.table)
-    return track_of(table, columns_by_names(table, _NAMES) | telemetry.columns, height_datum="geoid")
+    return track_of_table(table, columns_by_names(table, _NAMES) | telemetry.columns, height_datum="geoid")

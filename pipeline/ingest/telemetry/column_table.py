@@ -8,9 +8,9 @@ from pipeline.config.mission import Telemetry
 from pipeline.errors import InputError
 from pipeline.ingest.tables.delimited import DelimitedTable, read_table
 from pipeline.ingest.tables.known_names import columns_by_names
-from pipeline.ingest.tables.text import decode, read_text
-from pipeline.ingest.tables.track import track_of
+from pipeline.ingest.tables.track import track_of_table
 from pipeline.ingest.tables.units import split_unit
+from pipeline.ingest.text import decoded, read_text
 from pipeline.ingest.track import Track
 
 _SUFFIXES = (".csv", ".tsv", ".txt", ".tab", ".dat", ".log", ".asc")
@@ -43,7 +43,7 @@ def is_table(path: Path, head: bytes) -> bool:
     """Whether a file looks like a table of any kind: text, in lines of three cells or more."""
     if path.suffix.lower() not in _SUFFIXES:
         return False
-    lines = [line for line in decode(head).split("\n")[:20] if line.strip()]
+    lines = [line for line in decoded(head).split("\n")[:20] if line.strip()]
     return sum(sum(line.count(c) for c in ",;\t|") >= 2 for line in lines) >= 2
 
 
@@ -56,7 +56,7 @@ def read_column_table(telemetry: Telemetry) -> Track:
         raise InputError(
             telemetry.file, found, f"in the stream's telemetry, checked and filled in: {proposal(table)}"
         )
-    return track_of(table, dict(telemetry.columns))
+    return track_of_table(table, dict(telemetry.columns))
 
 
 def proposal(table: DelimitedTable) -> str:

@@ -13,8 +13,8 @@ from pathlib import Path
 from pipeline.config.mission import Column, Telemetry
 from pipeline.ingest.tables.delimited import read_table
 from pipeline.ingest.tables.known_names import columns_by_names, head_names
-from pipeline.ingest.tables.text import read_text
-from pipeline.ingest.tables.track import track_of
+from pipeline.ingest.tables.track import track_of_table
+from pipeline.ingest.text import read_text
 from pipeline.ingest.track import Track
 
 _NAMES = {
@@ -58,4 +58,4 @@ def read_dji_flight_record_csv(telemetry: Telemetry) -> Track:
     if "elapsed" in columns:
         # dji-log-parser does not say the unit
         columns["elapsed"] = Column(name=columns["elapsed"].name, unit="seconds")
-    return track_of(table, columns | telemetry.columns)
+    return track_of_table(table, columns | telemetry.columns)

@@ -11,7 +11,8 @@ import numpy as np
 from pipeline.errors import InputError
 from pipeline.ingest.samples import LeftOut, Sample, track_of
 from pipeline.ingest.telemetry.dji_fields import GpsOrder, date_ns, fields_of
-from pipeline.ingest.telemetry.subtitles import Cue, cues_of, read_text
+from pipeline.ingest.telemetry.subtitles import Cue, cues_of
+from pipeline.ingest.text import read_text
 from pipeline.ingest.track import Track
 
 EXPECTED = "DJI telemetry in SRT, with positions"

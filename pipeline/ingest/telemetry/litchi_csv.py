@@ -14,8 +14,8 @@ from pipeline.config.mission import Column, Telemetry
 from pipeline.ingest.tables.cells import numbers
 from pipeline.ingest.tables.delimited import DelimitedTable, read_table
 from pipeline.ingest.tables.known_names import columns_by_names, head_names
-from pipeline.ingest.tables.text import read_text
-from pipeline.ingest.tables.track import track_of
+from pipeline.ingest.tables.track import track_of_table
+from pipeline.ingest.text import read_text
 from pipeline.ingest.track import Track
 
 _NAMES = {
@@ -52,7 +52,7 @@ def read_litchi_csv(telemetry: Telemetry) -> Track:
     for angle in ("yaw", "pitch", "roll"):
         if angle in columns and str(columns[angle].name).endswith("Raw"):
             columns[angle] = Column(name=columns[angle].name, unit=unit)
-    return track_of(table, columns | telemetry.columns)
+    return track_of_table(table, columns | telemetry.columns)
 
 
 def _unit_of_raw(table: DelimitedTable) -> str:

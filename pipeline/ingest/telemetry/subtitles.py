@@ -1,28 +1,17 @@
-"""Cues of a subtitle file, however it is encoded and wherever it is damaged."""
+"""Cues of a subtitle file, wherever it is damaged."""
 
 from __future__ import annotations
 
-import codecs
 import math
 import re
 from dataclasses import dataclass
-from pathlib import Path
 
-from pipeline.errors import InputError
-
-#: an hour of telemetry at 60 Hz with 400 bytes a cue is less than a fifth of this
-_MOST_BYTES = 512 * 1024 * 1024
 _TIME = r"(\d{1,30}):(\d{1,30}):(\d{1,30})[,.](\d{1,30})"
 _ARROW_LINE = re.compile(r"^[^\n]*-->[^\n]*$", re.MULTILINE)
 _TIME_LINE = re.compile(rf"\s*{_TIME}\s*-->\s*{_TIME}.*")
 _COUNTER = re.compile(r"\n[^\S\n]*\d+[^\S\n]*\n?\Z")
 _UNTIMED = re.compile(r"^[^\S\n]*\d+[^\S\n]*\n(.+?)(?=\n[^\S\n]*\n|\n*\Z)", re.DOTALL | re.MULTILINE)
 _TAG = re.compile(r"<[^>]*>|\{\\[^}]*\}")
-_MARKS = (
-    (codecs.BOM_UTF8, "utf-8"),
-    (codecs.BOM_UTF16_LE, "utf-16-le"),
-    (codecs.BOM_UTF16_BE, "utf-16-be"),
-)
 #: a cue that lasts longer than this has a damaged end
 _LONGEST_S = 3600.0
 
@@ -35,39 +24,6 @@ class Cue:
     start_s: float | None
     end_s: float | None
     text: str
-
-
-def read_text(path: Path, expected: str) -> str:
-    """The text of a file in UTF-8, UTF-16 or Latin-1, line ends as ``\\n``. Raises InputError if it is none."""
-    try:
-        if path.stat().st_size > _MOST_BYTES:
-            raise InputError(
-                path, f"a file of {path.stat().st_size} bytes", f"{expected} of at most {_MOST_BYTES}"
-            )
-        data = path.read_bytes()
-    except FileNotFoundError:
-        raise InputError(path, "no file", expected) from None
-    except OSError as error:
-        raise InputError(path, f"a file that cannot be read ({error.strerror})", expected) from None
-    text = decoded(data)
-    if text.count("\0") > 0.01 * len(text):
-        raise InputError(path, "a file that is not text", expected)
-    return text.replace("\0", "").replace("\r\n", "\n").replace("\r", "\n")
-
-
-def decoded(data: bytes) -> str:
-    """Text by its byte order mark; without one UTF-16 if every other byte is zero, else UTF-8, else Latin-1."""
-    for mark, name in _MARKS:
-        if data.startswith(mark):
-            return data[len(mark) :].decode(name, errors="replace")
-    head = data[:4096]
-    for offset, name in ((1, "utf-16-le"), (0, "utf-16-be")):
-        if len(head) > 3 and head[offset::2].count(0) > 0.4 * len(head):
-            return data.decode(name, errors="replace")
-    try:
-        return data.decode("utf-8")
-    except UnicodeDecodeError:
-        return data.decode("latin-1")
 
 
 def cues_of(path: object, text: str) -> list[Cue]:

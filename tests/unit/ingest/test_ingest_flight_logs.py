@@ -141,18 +141,18 @@ def test_degrees_that_no_degrees_can_be_are_tenths_and_that_is_said(tmp_path: Pa
 
 CUT = "the rest of the row is missing"
 BAD_ROWS = {
-    "no position": ("58.400020000,15.569960000", ",", "no fix"),
-    "zeros for a position": ("58.400020000,15.569960000", "0.0,0.0", "no fix"),
-    "two satellites": (",17,5,15.2", ",2,0,15.2", "no fix"),
-    "no latitude": ("58.400020000", "5x", "no fix"),
+    "no position": ("58.400020000,15.569960000", ",", "no_fix"),
+    "zeros for a position": ("58.400020000,15.569960000", "0.0,0.0", "no_fix"),
+    "two satellites": (",17,5,15.2", ",2,0,15.2", "no_fix"),
+    "no latitude": ("58.400020000", "5x", "no_fix"),
     "beyond the pole": ("58.400020000", "258.4", "impossible"),
-    "no angle": (",-47.0,", ",,", "half written"),
-    "cut": (",15.569960000", CUT, "half written"),
-    "no time": ("2100,", "xx,", "no time"),
-    "an earlier time": ("2100,", "1750,", "out of order"),
-    "a time far ahead": ("2100,", "99999999,", "out of order"),
+    "no angle": (",-47.0,", ",,", "incomplete"),
+    "cut": (",15.569960000", CUT, "incomplete"),
+    "no time": ("2100,", "xx,", "no_time"),
+    "an earlier time": ("2100,", "1750,", "out_of_order"),
+    "a time far ahead": ("2100,", "99999999,", "out_of_order"),
     "the same time": ("2100,", "2000,", "repeated"),
-    "more cells": (",88,", ",88,1,2,3,", "more cells than names"),
+    "more cells": (",88,", ",88,1,2,3,", "surplus_cells"),
 }
 
 

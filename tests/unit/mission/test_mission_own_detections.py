@@ -128,7 +128,7 @@ FAULTS = {
     "one,,10,20,30,40,0.5,person": "neither frame nor time",
     "one,3,10,20,30,40,0.5,kite": "class 'kite' without a layer",
     "one,3,10,20,30,40,0.1,person": "score below 0.2",
-    "one,3,10,20,30,40,0.5,person,9,9": "more cells than names",
+    "one,3,10,20,30,40,0.5,person,9,9": "surplus cells",
 }
 
 

@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.config.mission import Column
 from pipeline.errors import InputError
@@ -25,7 +24,7 @@ _MOST_DEG = 360.0
 
 
 @dataclass
-class Samples:
+class TableColumns:
     """values: float64 (N,) by quantity, metres and degrees, NaN where a cell holds nothing that can be read.
 
     assumed: what had to be assumed, a sentence each.
@@ -40,26 +39,20 @@ class Samples:
         """float64 (N,), NaN where the table has no such column."""
         return self.values.get(quantity, np.full(len(self.table.rows), math.nan))
 
-    def chosen(self, quantity: str, rows: NDArray[np.int64], scale: float = 1.0) -> FloatArray | None:
-        """The values of some rows, scaled; None if the table has none there."""
-        if quantity not in self.values or np.isnan(self.values[quantity][rows]).all():
-            return None
-        return self.values[quantity][rows] * scale
 
-
-def read_samples(table: DelimitedTable, columns: dict[str, Column]) -> Samples:
+def read_columns(table: DelimitedTable, columns: dict[str, Column]) -> TableColumns:
     """All but the times. Raises InputError if a column is not there, is needed, or has an unknown unit."""
     _require_columns(table, columns)
-    samples = Samples(table, columns)
+    read = TableColumns(table, columns)
     for quantity, column in columns.items():
         index = table.index(column.name)
         assert index is not None
-        values = _read(samples, quantity, table.column(index))
+        values = _read(read, quantity, table.column(index))
         if values is not None:
-            samples.values[quantity] = values
+            read.values[quantity] = values
     for angles in (CAMERA, AIRCRAFT):
-        _tenths_to_degrees(samples, angles)
-    return samples
+        _tenths_to_degrees(read, angles)
+    return read
 
 
 def _require_columns(table: DelimitedTable, columns: dict[str, Column]) -> None:
@@ -73,59 +66,57 @@ def _require_columns(table: DelimitedTable, columns: dict[str, Column]) -> None:
             raise InputError(where, f"no {quantity}", f"{quantity}: {{name: its column}}")
 
 
-def _read(samples: Samples, quantity: str, cells: list[str]) -> FloatArray | None:
+def _read(read: TableColumns, quantity: str, cells: list[str]) -> FloatArray | None:
     if quantity in ("latitude", "longitude"):
-        return _position(samples, quantity, cells)
+        return _position(read, quantity, cells)
     if quantity in _LENGTHS:
-        return _scaled(samples, quantity, cells, "length")
+        return _scaled(read, quantity, cells, "length")
     if quantity in _ANGLES:
-        return _scaled(samples, quantity, cells, "angle")
+        return _scaled(read, quantity, cells, "angle")
     if quantity == "recording":
         return flags(cells)
-    return numbers(cells, samples.table.decimal) if quantity in _PLAIN else None
+    return numbers(cells, read.table.decimal) if quantity in _PLAIN else None
 
 
-def _position(samples: Samples, quantity: str, cells: list[str]) -> FloatArray:
-    unit = (samples.columns[quantity].unit or "").lower()
+def _position(read: TableColumns, quantity: str, cells: list[str]) -> FloatArray:
+    unit = (read.columns[quantity].unit or "").lower()
     if unit in ("nmea", "ddmm.mmmm"):
         return np.array([nmea_degrees(cell) for cell in cells], np.float64)
-    values = np.array([degrees(cell, samples.table.decimal) for cell in cells], np.float64)
-    return values * _factor(samples, quantity, "angle")
+    values = np.array([degrees(cell, read.table.decimal) for cell in cells], np.float64)
+    return values * _factor(read, quantity, "angle")
 
 
-def _scaled(samples: Samples, quantity: str, cells: list[str], dimension: Dimension) -> FloatArray:
-    values = numbers(cells, samples.table.decimal, dimension)
-    return values * _factor(samples, quantity, dimension)
+def _scaled(read: TableColumns, quantity: str, cells: list[str], dimension: Dimension) -> FloatArray:
+    values = numbers(cells, read.table.decimal, dimension)
+    return values * _factor(read, quantity, dimension)
 
 
-def _factor(samples: Samples, quantity: str, dimension: Dimension) -> float:
+def _factor(read: TableColumns, quantity: str, dimension: Dimension) -> float:
     """Of the unit that the mission states, or the head; else metres or degrees, and that is said."""
-    column = samples.columns[quantity]
+    column = read.columns[quantity]
     if column.unit:
         stated = factor(column.unit, dimension)
         if stated is None:
-            where = f"{samples.table.path} telemetry.columns.{quantity}.unit"
+            where = f"{read.table.path} telemetry.columns.{quantity}.unit"
             raise InputError(where, repr(column.unit), f"one of {unit_names(dimension)}")
         return stated
-    head = split_unit(samples.table.names[samples.table.index(column.name) or 0])[1]
+    head = split_unit(read.table.names[read.table.index(column.name) or 0])[1]
     scale = factor(head, dimension) if head else None
     if scale is not None:
         return scale
     if quantity not in ("latitude", "longitude") and dimension == "length":
-        samples.assumed.append(f"{quantity} ({column.name}) is in metres: the head does not say its unit")
+        read.assumed.append(f"{quantity} ({column.name}) is in metres: the head does not say its unit")
     return 1.0
 
 
-def _tenths_to_degrees(samples: Samples, angles: tuple[str, ...]) -> None:
+def _tenths_to_degrees(read: TableColumns, angles: tuple[str, ...]) -> None:
     """Angles that no degrees can be, in more than one row of twenty, are tenths: all angles of that device."""
-    if any(samples.columns[name].unit for name in angles if name in samples.columns):
+    if any(read.columns[name].unit for name in angles if name in read.columns):
         return
-    present = [name for name in angles if name in samples.values]
-    beyond = [np.mean(np.abs(np.nan_to_num(samples.values[name])) > _MOST_DEG) for name in present]
+    present = [name for name in angles if name in read.values]
+    beyond = [np.mean(np.abs(np.nan_to_num(read.values[name])) > _MOST_DEG) for name in present]
     if not present or max(beyond) < 0.05:
         return
     for name in present:
-        samples.values[name] = samples.values[name] / 10.0
-    samples.assumed.append(
-        f"{', '.join(present)} are in tenths of a degree: their values are greater than 360"
-    )
+        read.values[name] = read.values[name] / 10.0
+    read.assumed.append(f"{', '.join(present)} are in tenths of a degree: their values are greater than 360")
