@@ -156,8 +156,7 @@ def _names(head: list[list[str]], width: int) -> tuple[str, ...]:
     if len(lines) > 1 and _is_line_of_units(lines[-1]):
         units = lines.pop()
     names = lines[-1]
-    count = max(width, len(names))
-    return tuple(_name(i, names, units) for i in range(count))
+    return tuple(_name(i, names, units) for i in range(len(names)))
 
 
 def _is_line_of_units(cells: list[str]) -> bool:
@@ -166,7 +165,7 @@ def _is_line_of_units(cells: list[str]) -> bool:
 
 
 def _name(i: int, names: list[str], units: list[str]) -> str:
-    name = names[i] if i < len(names) and names[i] else f"column {i + 1}"
+    name = names[i] or f"column {i + 1}"
     unit = units[i].strip("()[]{} ") if i < len(units) else ""
     return f"{name} ({unit})" if unit else name
 
