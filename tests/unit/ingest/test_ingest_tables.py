@@ -28,6 +28,12 @@ def read(path: Path, text: str | bytes, columns: dict[str, Any], **layout: Any) 
     return read_telemetry(Telemetry(file=path, format="table", columns=spelt, table=Table(**layout)))
 
 
+NUMBERED = {
+    "time": {"name": 1, "unit": "s"},
+    "latitude": {"name": 2},
+    "longitude": {"name": 3},
+    "absolute_height": {"name": 4},
+}
 #: text, the map of its columns, how the mission says it is laid out
 LAYOUTS: dict[str, tuple[str, dict[str, Any], dict[str, Any]]] = {
     "commas": ("t,lat,lon,alt\n0.0,58.4,15.5,100\n0.1,58.4,15.5,100\n", {}, {}),
@@ -48,11 +54,11 @@ LAYOUTS: dict[str, tuple[str, dict[str, Any], dict[str, Any]]] = {
     ),
     "no head": (
         "0.0,58.4,15.5,100\n0.1,58.4,15.5,100\n",
-        {"time": {"name": 1, "unit": "s"}, "latitude": {"name": 2}, "longitude": {"name": 3}, "absolute_height": {"name": 4}},
+        NUMBERED,
         {},
     ),
     "a head of numbers, stated": ("1,2,3,4\n0.0,58.4,15.5,100\n0.1,58.4,15.5,100\n",
-        {"time": {"name": 1, "unit": "s"}, "latitude": {"name": 2}, "longitude": {"name": 3}, "absolute_height": {"name": 4}},
+        NUMBERED,
         {"head_lines": 1},
     ),
     "a stated delimiter": ("t:lat:lon:alt\n0.0:58.4:15.5:100\n0.1:58.4:15.5:100\n", {}, {"delimiter": ":"}),
