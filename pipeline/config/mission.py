@@ -22,6 +22,7 @@ from pipeline.config.units import (
     Radians,
     Seconds,
 )
+from pipeline.geo.surface_model import HeightUnit
 from pipeline.link.codec import Codec
 
 Fraction = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
@@ -47,15 +48,45 @@ class MeshOrigin(Strict):
         return self
 
 
-class Terrain(Strict):
-    """A surface model (DSM), a GeoTIFF with a CRS, or a mesh with an origin; heights above the datum, metres.
+class FlatGround(Strict):
+    """A plane where no surface model is at hand. height: absent, that of the first flight's take-off.
 
-    origin: where a mesh (x east, y north, z up, metres; PLY, OBJ, STL, OFF or GLB) lies.
+    sd: how far the ground may be from it, one standard deviation; places are less sure by that.
     """
 
-    file: Path
-    height_datum: Datum = "ellipsoid"
+    height: Meters | None = None
+    sd: PositiveMeters = 5.0
+
+
+class Terrain(Strict):
+    """A surface model (DSM): GeoTIFFs with a CRS, a mesh with an origin, or a plane; heights above the datum.
+
+    file: one or several, or folders of them; where they overlap the first that knows a height counts.
+    height_datum: absent, as the file says. unit, nodata: instead of what the file says. origin: where a mesh (x east,
+    y north, z up, metres; PLY, OBJ, STL, OFF or GLB) lies. flat: instead of a file.
+    """
+
+    file: Path | tuple[Path, ...] | None = None
+    height_datum: Datum | None = None
+    unit: HeightUnit | None = None
+    nodata: float | None = None
     origin: MeshOrigin | None = None
+    flat: FlatGround | None = None
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The files and folders named, in their order."""
+        if self.file is None:
+            return ()
+        return self.file if isinstance(self.file, tuple) else (self.file,)
+
+    @model_validator(mode="after")
+    def _one_ground(self) -> Terrain:
+        if bool(self.files) == (self.flat is not None):
+            raise mismatch("a file and a plane" if self.files else "nothing", "file, or flat", ("file",))
+        if self.origin is not None and len(self.files) != 1:
+            raise mismatch(f"{len(self.files)} files", "one mesh, since there is an origin", ("file",))
+        return self
 
 
 #: what the columns of a table may hold; angles are the camera's, those of the aircraft are called so
@@ -377,7 +408,9 @@ def load_mission(path: Path) -> Mission:
     return mission.model_copy(
         update={
             "streams": streams,
-            "terrain": mission.terrain.model_copy(update={"file": base / mission.terrain.file}),
+            "terrain": mission.terrain.model_copy(
+                update={"file": tuple(base / f for f in mission.terrain.files) or None}
+            ),
             "inventory": base / mission.inventory,
             "pool": base / mission.pool,
             "truth": None if mission.truth is None else base / mission.truth,

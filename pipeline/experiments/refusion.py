@@ -47,7 +47,7 @@ def fuse_again(
     after: called with the number of each result and the fuser that has taken it.
     """
     same = fusion.cell_size == prepared.mission.fusion.cell_size
-    terrain = prepared.terrain if same else terrain_at(prepared.mission, prepared.frame, fusion.cell_size)
+    terrain = prepared.terrain if same else terrain_at(prepared, fusion.cell_size)
     by_pool = relative_accuracy or prepared.relative_accuracy
     by_detector = {result.detector: by_pool[result.detector.rpartition(":")[2]] for result in results}
     fuser = Fuser(terrain, fusion, prepared.cameras, by_detector)

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
 import numba
 import numpy as np
-import rasterio
 from numpy.typing import NDArray
-from rasterio.warp import Resampling, reproject, transform_bounds
 
 from pipeline.errors import InputError
 from pipeline.geo.frame import LocalFrame
 from pipeline.geo.height_blocks import BLOCK, STRIP, block_range, on_disk
+from pipeline.geo.surface_model import SurfaceModel, bounds_m, center_wgs84, mosaic
 from pipeline.messages import FloatArray
 
 _MOST_CELLS, _MOST_CELLS_ON_DISK = 400_000_000, 100_000_000_000
@@ -114,95 +114,61 @@ class Terrain:
 
 def frame_of(path: Path) -> LocalFrame:
     """The map frame with its origin at the middle of a surface model."""
-    with _open(path) as source:
-        west, south, east, north = transform_bounds(source.crs, "EPSG:4326", *source.bounds)
-    return LocalFrame((south + north) / 2.0, (west + east) / 2.0)
+    return LocalFrame(*center_wgs84(path))
 
 
 def load_terrain(
-    path: Path, cell_m: float, frame: LocalFrame | None = None, folder: Path | None = None
+    models: Sequence[SurfaceModel],
+    cell_m: float,
+    frame: LocalFrame,
+    window_m: tuple[float, float, float, float] | None = None,
+    folder: Path | None = None,
 ) -> Terrain:
-    """Resample a GeoTIFF surface model to the map frame. Raises InputError if it cannot be used.
+    """Surface models in the cells of the map frame. Raises InputError if they know no height there.
 
-    folder: where the heights of a terrain larger than memory are put, in a file without a name that is gone
-    with the process; in memory if absent.
+    models: where they overlap, the first that knows a height counts. window_m: west, south, east and north of
+    the part that is wanted; all of the models if absent. folder: where the heights of a terrain larger than
+    memory are put, in a file without a name that is gone with the process; in memory if absent.
     """
-    frame = frame or frame_of(path)
-    with _open(path) as source:
-        west_m, south_m, shape = _grid(source, frame, cell_m)
-        most = _MOST_CELLS if folder is None else _MOST_CELLS_ON_DISK
-        if shape[0] * shape[1] > most:
-            found = f"{shape[0]} x {shape[1]} cells of {cell_m} m"
-            raise InputError(path, found, f"at most {most:.0e} cells: a larger cell_size")
-        heights_m, ranges = _heights(source, frame, cell_m, (west_m, south_m), shape, folder)
+    west_m, south_m, shape = _grid([bounds_m(m.path, frame) for m in models], cell_m, window_m)
+    where = ", ".join(str(m.path) for m in models)
+    if min(shape) <= 0:
+        raise InputError(where, "a surface model far from the flights", "one under them")
+    most = _MOST_CELLS if folder is None else _MOST_CELLS_ON_DISK
+    if shape[0] * shape[1] > most:
+        found = f"{shape[0]} x {shape[1]} cells of {cell_m} m"
+        raise InputError(where, found, f"at most {most:.0e} cells: a larger cell_size")
+
+    def strip(first: int, last: int) -> NDArray[np.float32]:
+        north_up = mosaic(models, frame, cell_m, west_m, south_m + last * cell_m, (last - first, shape[1]))
+        return np.ascontiguousarray(north_up[::-1])
+
+    ranges = None
+    if folder is None:
+        heights_m = strip(0, shape[0])
+    else:
+        rows = range(0, shape[0], STRIP)
+        strips = (strip(row, min(row + STRIP, shape[0])) for row in rows)
+        heights_m, ranges = on_disk(strips, shape, folder)
     known = np.isfinite(heights_m).any() if ranges is None else (ranges[0] <= ranges[1]).any()
     if not known:
-        raise InputError(path, "no height at all", "a surface model with heights")
+        raise InputError(where, "no height at all", "a surface model with heights")
     return Terrain(frame, west_m, south_m, cell_m, heights_m, ranges)
 
 
-def _heights(
-    source: rasterio.DatasetReader,
-    frame: LocalFrame,
-    cell_m: float,
-    corner_m: tuple[float, float],
-    shape: tuple[int, int],
-    folder: Path | None,
-) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
-    """The heights of a terrain, and on disk the ranges of its blocks, which would else be read again."""
-    west_m, south_m = corner_m
-
-    def strip(first: int, last: int) -> NDArray[np.float32]:
-        return _resample(source, frame, cell_m, west_m, south_m + last * cell_m, (last - first, shape[1]))
-
-    if folder is None:
-        return strip(0, shape[0]), None
-    rows = range(0, shape[0], STRIP)
-    return on_disk((strip(row, min(row + STRIP, shape[0])) for row in rows), shape, folder)
-
-
-def _resample(
-    source: rasterio.DatasetReader,
-    frame: LocalFrame,
-    cell_m: float,
-    west_m: float,
-    north_m: float,
-    shape: tuple[int, int],
-) -> NDArray[np.float32]:
-    """A part of the terrain (rows, columns) whose north-west corner is given, south up."""
-    north_up = np.full(shape, np.nan, dtype=np.float32)
-    finer = abs(source.transform.a) < 0.75 * cell_m and source.crs.is_projected
-    reproject(
-        rasterio.band(source, 1),
-        north_up,
-        dst_transform=rasterio.transform.from_origin(west_m, north_m, cell_m, cell_m),
-        dst_crs=frame.crs.to_wkt(),
-        dst_nodata=np.nan,
-        resampling=Resampling.average if finer else Resampling.bilinear,
-    )
-    return np.ascontiguousarray(north_up[::-1])
-
-
 def _grid(
-    source: rasterio.DatasetReader, frame: LocalFrame, cell_m: float
+    bounds: Sequence[tuple[float, float, float, float]],
+    cell_m: float,
+    window_m: tuple[float, float, float, float] | None,
 ) -> tuple[float, float, tuple[int, int]]:
-    """West and south edge, metres, and rows and columns of the terrain that holds a surface model."""
-    bounds = transform_bounds(source.crs, frame.crs, *source.bounds, densify_pts=21)
-    west, south = (math.floor(edge / cell_m) * cell_m for edge in bounds[:2])
-    return west, south, (math.ceil((bounds[3] - south) / cell_m), math.ceil((bounds[2] - west) / cell_m))
-
-
-def _open(path: Path) -> rasterio.DatasetReader:
-    if not path.is_file():
-        raise InputError(path, "no file", "a GeoTIFF surface model")
-    try:
-        source = rasterio.open(path)
-    except rasterio.errors.RasterioError:
-        raise InputError(path, "a file that is not a raster", "a GeoTIFF surface model") from None
-    if source.crs is None:
-        source.close()
-        raise InputError(f"{path} CRS", "none", "a GeoTIFF with a coordinate reference system")
-    return source
+    """West and south edge, metres, and rows and columns of the terrain that holds the surface models."""
+    west, south = (min(b[k] for b in bounds) for k in (0, 1))
+    east, north = (max(b[k] for b in bounds) for k in (2, 3))
+    if window_m is not None:
+        west, south = max(west, window_m[0]), max(south, window_m[1])
+        east, north = min(east, window_m[2]), min(north, window_m[3])
+    west, south = (math.floor(edge / cell_m) * cell_m for edge in (west, south))
+    return west, south, (math.ceil((north - south) / cell_m), math.ceil((east - west) / cell_m))
 
 
 @numba.njit(cache=True)

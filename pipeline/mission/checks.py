@@ -11,11 +11,19 @@ from pipeline.config.mission import Mission, Stream
 from pipeline.config.pool import Pool
 from pipeline.detection import open_pool_detector
 from pipeline.errors import InputError
+from pipeline.geo.search_area import load_search_area
 from pipeline.geo.terrain import Terrain
 from pipeline.ingest.finding import Finding
+from pipeline.ingest.ground import Window
 from pipeline.ingest.trajectory import Trajectory
 from pipeline.ingest.video.file import VideoInfo
 from pipeline.mission.stages.source import StreamInput
+from pipeline.second_look.plan import searched_cells
+
+#: nobody searches farther than this from where anybody flies, metres
+_FAR_M = 20_000.0
+#: cells at the edge of an area count as a whole or not at all
+_EDGE_SHARE = 0.03
 
 
 def telemetry_covers(stream: Stream, video: VideoInfo, trajectory: Trajectory) -> list[Finding]:
@@ -50,7 +58,8 @@ def terrain_covers(mission: Mission, terrain: Terrain, stream: StreamInput) -> l
             unknown.append(f"at {time_s:.0f} s, east {east:.0f} m, north {north:.0f} m")
         elif up <= ground:
             under.append(f"at {time_s:.0f} s, the drone at {up:.1f} m, ground at {ground:.1f} m")
-    where = f"{mission.terrain.file} under {stream.stream}"
+    name = ", ".join(str(file) for file in mission.terrain.files) or "terrain.flat"
+    where = f"{name} under {stream.stream}"
     if over and len(unknown) == over:
         raise InputError(where, f"no ground {unknown[0]}", "a terrain that covers the flight")
     if over and 2 * len(under) > over:
@@ -63,6 +72,37 @@ def terrain_covers(mission: Mission, terrain: Terrain, stream: StreamInput) -> l
         text = f"the drone is below the ground in {len(under)} of {over} seconds"
         findings.append(Finding("warning", "height_off", where, text, f"the first {under[0]}"))
     return findings
+
+
+def require_near(path: Path, area: Window, seen: Window) -> None:
+    """Raises InputError for a search area that is farther from all flights than anybody would fly."""
+    gap_m = max(seen[0] - area[2], area[0] - seen[2], seen[1] - area[3], area[1] - seen[3])
+    if gap_m > _FAR_M:
+        found = f"a search area {gap_m / 1000.0:.0f} km from the flights"
+        raise InputError(path, found, "one under them: are latitude and longitude exchanged?")
+
+
+def area_is_on_terrain(path: Path, terrain: Terrain) -> list[Finding]:
+    """How much of a search area lies where the ground is not known. Raises InputError if all of it does."""
+    area = load_search_area(path, terrain.frame)
+    known = searched_cells(path, terrain, {}) & np.isfinite(terrain.heights_m)
+    beyond_m2 = area.area_m2 - float(known.sum()) * terrain.cell_m**2
+    if not known.any():
+        raise InputError(path, "a search area that does not meet the terrain", "one on it")
+    if beyond_m2 <= _EDGE_SHARE * area.area_m2:
+        return []
+    area_m2 = area.area_m2
+    text = f"{beyond_m2:,.0f} of {area_m2:,.0f} m2 of the search area lie off the known terrain: nobody looks there"
+    return [
+        Finding(
+            "warning",
+            "area_beyond_terrain",
+            str(path),
+            text,
+            "",
+            "terrain.file: a surface model of all of it",
+        )
+    ]
 
 
 def sites_exist(path: Path, mission: Mission, inventory: Inventory) -> None:

@@ -17,24 +17,35 @@ from pipeline.config.pool import Pool, PoolDetector, load_pool
 from pipeline.geo.camera import Camera
 from pipeline.geo.frame import LocalFrame
 from pipeline.geo.search_area import load_search_area
-from pipeline.geo.surfaces import load_mesh
-from pipeline.geo.terrain import Terrain, frame_of, load_terrain
+from pipeline.geo.terrain import Terrain
 from pipeline.ingest.finding import Finding
+from pipeline.ingest.ground import GroundModel, Window, frame_over, load_ground, window_about
 from pipeline.ingest.track import Clock
-from pipeline.ingest.trajectory_of import Ground
 from pipeline.link.codec import require_codec
-from pipeline.mission.checks import models_load, sites_exist, telemetry_covers, terrain_covers
+from pipeline.mission.checks import (
+    area_is_on_terrain,
+    models_load,
+    require_near,
+    sites_exist,
+    telemetry_covers,
+    terrain_covers,
+)
 from pipeline.mission.clocks import settled
 from pipeline.mission.faults import Faults
 from pipeline.mission.recording import Recording, read_recording
 from pipeline.mission.stages.source import StreamInput
 from pipeline.sensor.expected_size import expected_person_px
+from pipeline.sensor.model import SensorModel
+
+#: people are not looked for farther away than this, metres
+_MOST_REACH_M = 3000.0
 
 
 @dataclass(frozen=True, eq=False)
 class Filmed:
     """All that a map needs beside detections; findings and left_out as in PreparedMission."""
 
+    mission: Mission
     terrain: Terrain
     cameras: dict[str, Camera]
     streams: tuple[StreamInput, ...]
@@ -100,7 +111,7 @@ def prepare(path: Path, thorough: bool = False) -> PreparedMission:
         for codec in (mission.processing.codec, *mission.processing.codecs):
             require_codec(codec)
     filmed = read_filmed(path, mission, faults, thorough)
-    terrain, cameras, streams = filmed.terrain, filmed.cameras, filmed.streams
+    mission, terrain, cameras, streams = filmed.mission, filmed.terrain, filmed.cameras, filmed.streams
     own_site = {s.id: s.site for s in mission.streams}
     person_px = {}
     if mission.processing.expected_size:
@@ -113,34 +124,38 @@ def prepare(path: Path, thorough: bool = False) -> PreparedMission:
 
 def read_filmed(path: Path, mission: Mission, faults: Faults, thorough: bool = False) -> Filmed:
     """What was filmed, and over which ground. Raises what ``faults`` has collected before and here."""
-    with faults.collected():
-        frame = _frame(mission)
-        terrain = terrain_at(mission, frame, mission.fusion.cell_size)
-    with faults.collected():
-        if mission.search_area is not None:
-            load_search_area(mission.search_area, _frame(mission))
     recordings = []
     for stream in mission.streams:
         with faults.collected():
             recordings.append(read_recording(path, mission, stream, thorough))
+    tracks = [r.track for r in recordings]
+    with faults.collected():
+        frame = frame_over(mission.terrain, tracks)
+        window = _seen(mission, frame, recordings)
+        ground = load_ground(mission.terrain, mission.fusion.cell_size, frame, window, tracks)
     faults.raise_if_any()
-    streams, findings = _streams(mission, terrain, recordings, faults)
+    mission = _with_ground_sd(mission, ground.sd_m)
+    terrain = ground.terrain
+    streams, findings = _streams(mission, ground, recordings, faults)
+    if mission.search_area is not None:
+        with faults.collected():
+            findings += area_is_on_terrain(mission.search_area, terrain)
     faults.raise_if_any()
     cameras = {r.stream.id: r.camera for r in recordings}
     left_out = {r.stream.id: dict(r.track.left_out) for r in recordings if r.track.left_out}
-    return Filmed(terrain, cameras, streams, tuple(findings), left_out)
+    return Filmed(mission, terrain, cameras, streams, tuple(findings), left_out)
 
 
 def _streams(
-    mission: Mission, terrain: Terrain, recordings: list[Recording], faults: Faults
+    mission: Mission, ground: GroundModel, recordings: list[Recording], faults: Faults
 ) -> tuple[tuple[StreamInput, ...], list[Finding]]:
     """The streams on one clock and over the terrain, and what was noticed on the way."""
-    ground = Ground(mission.terrain.height_datum, terrain.height)
-    findings: list[Finding] = []
+    terrain = ground.terrain
+    findings = list(ground.findings)
     flights = []
     for recording in recordings:
         with faults.collected():
-            flights.append((recording, recording.trajectory(terrain.frame, ground)))
+            flights.append((recording, recording.trajectory(terrain.frame, ground.ground)))
     settled_ones, of_clocks = settled([(r.stream.id, t, r.video.duration_s) for r, t in flights])
     streams = []
     for (recording, _), trajectory in zip(flights, settled_ones, strict=True):
@@ -160,18 +175,40 @@ def _streams(
     return tuple(streams), findings + of_clocks
 
 
-def terrain_at(mission: Mission, frame: LocalFrame, cell_m: float) -> Terrain:
-    """The mission's terrain in cells of a size."""
-    load = load_terrain if mission.terrain.origin is None else load_mesh
-    return load(mission.terrain.file, cell_m, frame)
+def terrain_at(prepared: PreparedMission, cell_m: float) -> Terrain:
+    """The mission's terrain in cells of another size."""
+    old = prepared.terrain
+    rows, columns = old.shape
+    window = (old.east_m, old.north_m, old.east_m + columns * old.cell_m, old.north_m + rows * old.cell_m)
+    return load_ground(prepared.mission.terrain, cell_m, prepared.frame, window).terrain
 
 
-def _frame(mission: Mission) -> LocalFrame:
-    """The map frame: its origin is the mesh's, or the middle of the surface model."""
-    origin = mission.terrain.origin
-    if origin is None:
-        return frame_of(mission.terrain.file)
-    return LocalFrame(math.degrees(origin.latitude), math.degrees(origin.longitude))
+def _seen(mission: Mission, frame: LocalFrame, recordings: list[Recording]) -> Window | None:
+    """The part of the map frame that matters: what the cameras can see, and what is to be searched."""
+    reach_m = max((_reach_m(mission, r.camera) for r in recordings), default=0.0)
+    window = window_about([r.track for r in recordings], frame, reach_m)
+    if mission.search_area is None or window is None:
+        return window
+    west, south, east, north = load_search_area(mission.search_area, frame).bounds_m
+    require_near(mission.search_area, (west, south, east, north), window)
+    return min(west, window[0]), min(south, window[1]), max(east, window[2]), max(north, window[3])
+
+
+def _reach_m(mission: Mission, camera: Camera) -> float:
+    models = [SensorModel(camera, mission.fusion, of_class) for of_class in mission.fusion.classes]
+    return min(_MOST_REACH_M, max(model.max_distance_m for model in models) + 10.0 * mission.fusion.cell_size)
+
+
+def _with_ground_sd(mission: Mission, sd_m: float) -> Mission:
+    """The mission, its places less sure by the error of a plane that stands for the terrain."""
+    if not sd_m:
+        return mission
+    uncertainty = mission.fusion.uncertainty.model_copy(
+        update={"terrain": math.hypot(mission.fusion.uncertainty.terrain, sd_m)}
+    )
+    return mission.model_copy(
+        update={"fusion": mission.fusion.model_copy(update={"uncertainty": uncertainty})}
+    )
 
 
 def _person_px(terrain: Terrain, camera: Camera, stream: StreamInput) -> float:

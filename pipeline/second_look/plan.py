@@ -55,12 +55,15 @@ def searched_cells(
     if area is None:
         points = np.concatenate([track[:, :2] for track in tracks.values()])
         try:
-            outlines = [points[ConvexHull(points).vertices]]
+            polygons: tuple[tuple[FloatArray, ...], ...] = ((points[ConvexHull(points).vertices],),)
         except (QhullError, ValueError):  # a drone that hovers, or flies one straight line, encloses nothing
             return np.zeros(terrain.shape, dtype=bool)
     else:
-        outlines = load_search_area(area, terrain.frame)
-    shapes = [{"type": "Polygon", "coordinates": [[*map(tuple, ring), tuple(ring[0])]]} for ring in outlines]
+        polygons = load_search_area(area, terrain.frame).polygons
+    shapes = [
+        {"type": "Polygon", "coordinates": [[*map(tuple, ring), tuple(ring[0])] for ring in rings]}
+        for rings in polygons
+    ]
     cell = terrain.cell_m
     transform = rasterio.Affine(cell, 0.0, terrain.east_m, 0.0, cell, terrain.north_m)
     inside = rasterio.features.geometry_mask(shapes, terrain.shape, transform, invert=True)

@@ -24,7 +24,8 @@ from pipeline.fusion.fuser import Fuser
 from pipeline.fusion.map_file import load_map, save_map
 from pipeline.fusion.salient import salient_locations
 from pipeline.geo.pose import enu_from_camera
-from pipeline.geo.terrain import load_terrain
+from pipeline.geo.surface_model import inspect
+from pipeline.geo.terrain import frame_of, load_terrain
 from pipeline.messages import CameraPose, Detections
 from pipeline.outputs.saliency_tif import write_saliency
 
@@ -80,7 +81,7 @@ def mission(surface_model, folder, reply):
             f"{what}: {time.perf_counter() - start:.0f} s since the start, peak memory {peak_mib:.0f} MiB"
         )
 
-    terrain = load_terrain(surface_model, CELL_M, folder=folder)
+    terrain = load_terrain([inspect(surface_model)], CELL_M, frame_of(surface_model), folder=folder)
     say(f"terrain of {terrain.shape[0]} x {terrain.shape[1]} cells read to disk")
     params = fusion_params(CELL_M)
     fuser = Fuser(terrain, params, {"a": CAMERA}, {"d": 1.0}, folder=folder)

@@ -114,7 +114,7 @@ BAD = {
 }
 
 
-BOTH = {"terrain elsewhere", "terrain above the drone"}
+BOTH = {"terrain above the drone"}
 
 
 @pytest.fixture

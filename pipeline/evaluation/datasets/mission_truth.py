@@ -7,30 +7,35 @@ from dataclasses import replace
 from pathlib import Path
 
 from pipeline.config.camera import load_camera
-from pipeline.config.mission import Mission, Stream, load_mission
+from pipeline.config.mission import Stream, load_mission
 from pipeline.errors import InputError
 from pipeline.evaluation.datasets.coco import CocoOptions, read_coco
 from pipeline.evaluation.datasets.dataset import DataSet, Picture, joined
 from pipeline.evaluation.datasets.fault_log import FaultLog
-from pipeline.geo.terrain import Terrain, frame_of, load_terrain
+from pipeline.ingest.ground import GroundModel, frame_over, load_ground, window_about
 from pipeline.ingest.registry import read_telemetry
-from pipeline.ingest.trajectory_of import Ground, trajectory_of
+from pipeline.ingest.trajectory_of import trajectory_of
 from pipeline.sensor.expected_size import expected_person_px
 
 _TERRAIN_CELL_M = 1.0
+#: about the flights, metres
+_REACH_M = 500.0
 
 
 def read_mission(path: Path, options: CocoOptions, faults: FaultLog) -> DataSet:
     """The pictures of all streams that have truth/boxes-STREAM.json. Raises InputError if none has."""
     mission = load_mission(path)
-    frame = frame_of(mission.terrain.file)
-    terrain = load_terrain(mission.terrain.file, _TERRAIN_CELL_M, frame)
+    tracks = [read_telemetry(stream.telemetry) for stream in mission.streams]
+    frame = frame_over(mission.terrain, tracks)
+    ground = load_ground(
+        mission.terrain, _TERRAIN_CELL_M, frame, window_about(tracks, frame, _REACH_M), tracks
+    )
     sets = []
     for stream in mission.streams:
         boxes = path.parent / "truth" / f"boxes-{stream.id}.json"
         if boxes.is_file():
             own = replace(options, root=stream.video.parent)
-            sets.append(_with_context(read_coco(boxes, own, faults), mission, stream, terrain))
+            sets.append(_with_context(read_coco(boxes, own, faults), stream, ground))
     if not sets:
         raise InputError(
             path.parent / "truth", "no boxes-STREAM.json", "the truth that searchlight simulate writes"
@@ -38,11 +43,11 @@ def read_mission(path: Path, options: CocoOptions, faults: FaultLog) -> DataSet:
     return joined(sets)
 
 
-def _with_context(dataset: DataSet, mission: Mission, stream: Stream, terrain: Terrain) -> DataSet:
+def _with_context(dataset: DataSet, stream: Stream, model: GroundModel) -> DataSet:
     """With the expected size of a person in every picture, from the telemetry and the ground below."""
     track = read_telemetry(stream.telemetry)
-    ground = Ground(mission.terrain.height_datum, terrain.height)
-    trajectory = trajectory_of(track, stream.telemetry, terrain.frame, ground)
+    terrain = model.terrain
+    trajectory = trajectory_of(track, stream.telemetry, terrain.frame, model.ground)
     focal_px = load_camera(stream.camera).fy
     rate = dataset.sequences[0].frame_rate or 1.0
 

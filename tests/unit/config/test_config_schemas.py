@@ -22,7 +22,7 @@ LOAD: dict[str, Callable[[Path], object]] = {
 
 def test_paths_of_a_mission_are_relative_to_its_file(write: Write, tmp_path: Path) -> None:
     mission = load_mission(write("mission"))
-    assert mission.terrain.file == tmp_path / "dsm.tif"
+    assert mission.terrain.files == (tmp_path / "dsm.tif",)
     assert mission.streams[0].video == tmp_path / "drone-1.mp4"
     assert mission.streams[0].telemetry.file == tmp_path / "drone-1.srt"
     assert mission.truth == tmp_path / "people.geojson"

@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
 import rasterio
@@ -5,9 +7,14 @@ from rasterio.transform import from_origin
 
 from pipeline.errors import InputError
 from pipeline.geo.frame import LocalFrame
+from pipeline.geo.surface_model import inspect
 from pipeline.geo.terrain import Terrain, frame_of, load_terrain
 
 FRAME = LocalFrame(47.0, 8.0)
+
+
+def load(path: Path, cell_m: float, folder: Path | None = None) -> Terrain:
+    return load_terrain([inspect(path)], cell_m, frame_of(path), folder=folder)
 
 
 def _slope(cell_m: float = 0.5, up_per_east: float = 0.1, up_per_north: float = -0.2) -> Terrain:
@@ -103,7 +110,7 @@ def _plane_file(path, cell_m=0.5, side=200, nodata=None):
 @pytest.mark.parametrize("cell_m", [0.25, 0.5, 2.0])
 def test_a_loaded_plane_has_its_heights_at_its_places(tmp_path, cell_m):
     _plane_file(tmp_path / "dsm.tif")
-    terrain = load_terrain(tmp_path / "dsm.tif", cell_m)
+    terrain = load(tmp_path / "dsm.tif", cell_m)
     # UTM's scale is 0.9996 on its central meridian, where the grid's north is true north
     for east, north in [(0.0, 0.0), (30.0, 10.0), (-20.0, -35.0)]:
         assert terrain.height(east, north) == pytest.approx(300.0 + 0.2 * east + 0.05 * north, abs=0.03)
@@ -119,7 +126,7 @@ def test_the_frame_of_a_surface_model_has_its_origin_in_the_middle(tmp_path):
 
 def test_cells_without_data_are_nan(tmp_path):
     _plane_file(tmp_path / "dsm.tif", nodata=-9999.0)
-    terrain = load_terrain(tmp_path / "dsm.tif", 0.5)
+    terrain = load(tmp_path / "dsm.tif", 0.5)
     assert np.isnan(terrain.height(-45.0, 45.0))  # the north-west corner
     assert np.nanmin(terrain.heights_m) > 280.0
 
@@ -127,34 +134,34 @@ def test_cells_without_data_are_nan(tmp_path):
 def test_a_geographic_surface_model_is_read_too(tmp_path):
     heights = np.full((50, 50), 123.0)
     _write(tmp_path / "dsm.tif", heights, from_origin(8.0, 47.0, 1e-5, 1e-5), "EPSG:4326")
-    terrain = load_terrain(tmp_path / "dsm.tif", 0.5)
+    terrain = load(tmp_path / "dsm.tif", 0.5)
     assert terrain.height(0.0, 0.0) == pytest.approx(123.0)
 
 
 def test_a_surface_model_that_cannot_be_used_is_refused(tmp_path):
     with pytest.raises(InputError, match="no file"):
-        load_terrain(tmp_path / "none.tif", 0.5)
+        load(tmp_path / "none.tif", 0.5)
     (tmp_path / "text.tif").write_text("no raster")
     with pytest.raises(InputError, match="not a raster"):
-        load_terrain(tmp_path / "text.tif", 0.5)
+        load(tmp_path / "text.tif", 0.5)
     with pytest.warns(rasterio.errors.NotGeoreferencedWarning):
         _write(tmp_path / "bare.tif", np.zeros((4, 4)), from_origin(0.0, 0.0, 1.0, 1.0), None)
     with pytest.raises(InputError, match="CRS"):
-        load_terrain(tmp_path / "bare.tif", 0.5)
+        load(tmp_path / "bare.tif", 0.5)
     _write(tmp_path / "huge.tif", np.zeros((4, 4)), from_origin(0.0, 0.0, 1e4, 1e4), "EPSG:32632")
     with pytest.raises(InputError, match="cell_size"):
-        load_terrain(tmp_path / "huge.tif", 0.1)
+        load(tmp_path / "huge.tif", 0.1)
     _write(
         tmp_path / "empty.tif", np.full((4, 4), -1.0), from_origin(5e5, 5.2e6, 1.0, 1.0), "EPSG:32632", -1.0
     )
     with pytest.raises(InputError, match="no height"):
-        load_terrain(tmp_path / "empty.tif", 0.5)
+        load(tmp_path / "empty.tif", 0.5)
 
 
 def test_a_terrain_on_disk_is_the_one_in_memory_and_leaves_no_file(tmp_path):
     _plane_file(tmp_path / "dsm.tif", side=700, nodata=-9999.0)
-    in_memory = load_terrain(tmp_path / "dsm.tif", 0.5)
-    on_disk = load_terrain(tmp_path / "dsm.tif", 0.5, folder=tmp_path)
+    in_memory = load(tmp_path / "dsm.tif", 0.5)
+    on_disk = load(tmp_path / "dsm.tif", 0.5, folder=tmp_path)
     assert on_disk.shape == in_memory.shape
     assert (on_disk.east_m, on_disk.north_m) == (in_memory.east_m, in_memory.north_m)
     np.testing.assert_allclose(on_disk.heights_m, in_memory.heights_m, atol=0.02)
@@ -169,7 +176,7 @@ def test_a_terrain_on_disk_without_heights_is_refused(tmp_path):
         tmp_path / "empty.tif", np.full((4, 4), -1.0), from_origin(5e5, 5.2e6, 1.0, 1.0), "EPSG:32632", -1.0
     )
     with pytest.raises(InputError, match="no height"):
-        load_terrain(tmp_path / "empty.tif", 0.5, folder=tmp_path)
+        load(tmp_path / "empty.tif", 0.5, folder=tmp_path)
 
 
 def test_the_height_range_bounds_the_heights_of_a_window():

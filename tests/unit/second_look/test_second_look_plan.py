@@ -3,9 +3,7 @@ import json
 import numpy as np
 import pytest
 
-from pipeline.errors import InputError
 from pipeline.geo.frame import LocalFrame
-from pipeline.geo.search_area import load_search_area
 from pipeline.geo.terrain import Terrain
 from pipeline.second_look.plan import searched_cells
 
@@ -37,24 +35,12 @@ def test_a_drone_that_hovers_or_flies_straight_encloses_nothing(track):
     assert not searched_cells(None, TERRAIN, {"a": track}).any()
 
 
-@pytest.mark.parametrize(
-    ("text", "found"),
-    [
-        ("{", "text that cannot be read"),
-        ("[]", "text that cannot be read"),
-        ('{"type": "FeatureCollection", "features": []}', "no polygon"),
-        ('{"type": "Point", "coordinates": [8, 47]}', "no polygon"),
-        ('{"type": "Polygon", "coordinates": [[[500, 0], [1, 1], [2, 2], [500, 0]]]}', "a ring"),
-        ('{"type": "Polygon", "coordinates": [[[1, 0]]]}', "a ring"),
-    ],
-)
-def test_a_file_that_is_no_polygon_is_refused(tmp_path, text, found):
+def test_a_hole_is_not_searched(tmp_path):
+    latitude, longitude = FRAME.wgs84_from_enu(SQUARE[:, 0], SQUARE[:, 1])
+    inner_latitude, inner_longitude = FRAME.wgs84_from_enu(0.4 * SQUARE[:, 0], 0.4 * SQUARE[:, 1])
+    rings = [np.stack(p, axis=1).tolist() for p in ((longitude, latitude), (inner_longitude, inner_latitude))]
     path = tmp_path / "area.geojson"
-    path.write_text(text, encoding="utf-8")
-    with pytest.raises(InputError, match=found):
-        load_search_area(path, FRAME)
-
-
-def test_a_missing_file_is_refused(tmp_path):
-    with pytest.raises(InputError, match="no file"):
-        load_search_area(tmp_path / "none.geojson", FRAME)
+    path.write_text(json.dumps({"type": "Polygon", "coordinates": rings}), encoding="utf-8")
+    inside = searched_cells(path, TERRAIN, {})
+    assert inside.sum() == 400 - 64
+    assert not inside[37:43, 37:43].any()

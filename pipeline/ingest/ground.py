@@ -1,0 +1,187 @@
+"""The ground of a mission: its surface models, or a plane, as a terrain; and what had to be assumed of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.config.mission import Datum
+from pipeline.config.mission import Terrain as TerrainSection
+from pipeline.errors import InputError
+from pipeline.geo.frame import LocalFrame
+from pipeline.geo.geoid import undulation_m
+from pipeline.geo.surface_model import SurfaceModel, bounds_m, center_wgs84, inspect
+from pipeline.geo.surfaces import load_mesh, plane
+from pipeline.geo.terrain import Terrain, load_terrain
+from pipeline.ingest.finding import Finding
+from pipeline.ingest.track import Track
+from pipeline.ingest.trajectory_of import Ground
+
+#: farther than this from its origin the map frame's scale is off by more than a millimetre in a kilometre, metres
+_NEAR_ORIGIN_M = 5000.0
+_RASTERS = (".tif", ".tiff", ".vrt")
+#: west, south, east, north, metres
+Window = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class GroundModel:
+    """datum: of the heights. sd_m: of a plane that stands for a terrain, else 0. findings: what was assumed."""
+
+    terrain: Terrain
+    datum: Datum
+    sd_m: float
+    findings: tuple[Finding, ...]
+
+    @property
+    def ground(self) -> Ground:
+        """What heights are told by."""
+        return Ground(self.datum, self.terrain.height, undulation_m)
+
+
+def frame_over(section: TerrainSection, tracks: Sequence[Track]) -> LocalFrame:
+    """The map frame: its origin is the mesh's, or the middle of the surface model; of the flights if that is far."""
+    if section.origin is not None:
+        return LocalFrame(math.degrees(section.origin.latitude), math.degrees(section.origin.longitude))
+    files = files_of(section)
+    if len(files) == 1:
+        frame = LocalFrame(*center_wgs84(files[0]))
+        edges = bounds_m(files[0], frame)
+        if max(abs(edge) for edge in edges) <= _NEAR_ORIGIN_M or not tracks:
+            return frame
+    return _middle_of(tracks)
+
+
+def _middle_of(tracks: Sequence[Track]) -> LocalFrame:
+    latitude = np.concatenate([t.latitude_deg for t in tracks])
+    longitude = np.concatenate([t.longitude_deg for t in tracks])
+    known = np.isfinite(latitude) & np.isfinite(longitude)
+    if not known.any():
+        raise InputError("telemetry", "no position in any of it", "positions, to know where the mission is")
+    # the antimeridian may run through the flights
+    first = longitude[known][0]
+    turned = np.mod(longitude[known] - first + 180.0, 360.0) - 180.0
+    east = (first + 0.5 * (turned.min() + turned.max()) + 180.0) % 360.0 - 180.0
+    return LocalFrame(float(0.5 * (latitude[known].min() + latitude[known].max())), float(east))
+
+
+def window_about(tracks: Sequence[Track], frame: LocalFrame, reach_m: float) -> Window | None:
+    """The part of the map frame that the flights can see; None without a position."""
+    points = [_positions(track, frame) for track in tracks]
+    if not sum(len(p) for p in points):
+        return None
+    every = np.concatenate(points)
+    (west, south), (east, north) = every.min(axis=0) - reach_m, every.max(axis=0) + reach_m
+    return float(west), float(south), float(east), float(north)
+
+
+def _positions(track: Track, frame: LocalFrame) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+    known = np.isfinite(track.latitude_deg) & np.isfinite(track.longitude_deg)
+    return np.stack(frame.enu_from_wgs84(track.latitude_deg[known], track.longitude_deg[known]), axis=1)
+
+
+def load_ground(
+    section: TerrainSection,
+    cell_m: float,
+    frame: LocalFrame,
+    window: Window | None,
+    tracks: Sequence[Track] = (),
+) -> GroundModel:
+    """The terrain in cells of a size. window: what of it is needed; all of it if absent.
+
+    tracks: tell the height of a plane that has none. Raises InputError for a file that is no surface model.
+    """
+    if section.flat is not None:
+        return _plane(section, cell_m, frame, window, tracks)
+    files = files_of(section)
+    if section.origin is not None:
+        return GroundModel(load_mesh(files[0], cell_m, frame), section.height_datum or "ellipsoid", 0.0, ())
+    models = [inspect(file, section.unit, section.nodata) for file in files]
+    findings = [Finding("assumed", "terrain", str(m.path), note) for m in models for note in m.notes]
+    datum = _datum(section, models, findings)
+    used = [m for m in models if window is None or _meets(bounds_m(m.path, frame), window)]
+    if not used:
+        raise InputError(", ".join(map(str, files)), "a surface model far from the flights", "one under them")
+    return GroundModel(load_terrain(used, cell_m, frame, window), datum, 0.0, tuple(findings))
+
+
+def files_of(section: TerrainSection) -> list[Path]:
+    """The surface models in their order: the files named, and the rasters of the folders named."""
+    files: list[Path] = []
+    for path in section.files:
+        if not path.is_dir():
+            files.append(path)
+            continue
+        inside = sorted(p for p in path.iterdir() if p.suffix.lower() in _RASTERS)
+        if not inside:
+            raise InputError(path, "a folder without a raster", f"files that end in {', '.join(_RASTERS)}")
+        files += inside
+    return files
+
+
+def _datum(section: TerrainSection, models: Sequence[SurfaceModel], findings: list[Finding]) -> Datum:
+    """The mission's word, else the files', else assumed; what contradicts itself is said."""
+    said = {m.datum for m in models if m.datum is not None}
+    where = ", ".join(str(m.path) for m in models)
+    if len(said) > 1:
+        raise InputError(where, "surface models above different datums", "tiles of one datum")
+    of_files = next(iter(said), None)
+    if section.height_datum is None:
+        if of_files is None:
+            text = "its heights count from the ellipsoid (terrain.height_datum)"
+            findings.append(
+                Finding("assumed", "datum", where, text, "neither the file nor the mission says it")
+            )
+        return of_files or "ellipsoid"
+    if of_files is not None and of_files != section.height_datum:
+        findings.append(
+            Finding(
+                "warning",
+                "datum",
+                where,
+                f"its CRS says heights above the {of_files}, the mission above the {section.height_datum}",
+                "the vertical part of the CRS",
+                f"terrain.height_datum: {of_files}, or none",
+            )
+        )
+    return section.height_datum
+
+
+def _meets(bounds: Window, window: Window) -> bool:
+    return bounds[0] < window[2] and bounds[2] > window[0] and bounds[1] < window[3] and bounds[3] > window[1]
+
+
+def _plane(
+    section: TerrainSection, cell_m: float, frame: LocalFrame, window: Window | None, tracks: Sequence[Track]
+) -> GroundModel:
+    assert section.flat is not None
+    if window is None:
+        raise InputError("terrain.flat", "a plane without a flight over it", "telemetry with positions")
+    height_m = section.flat.height
+    if height_m is None:
+        height_m = _takeoff_m(tracks)
+    text = (
+        f"the ground is a plane at {height_m:.1f} m, right to {section.flat.sd:g} m (one standard deviation): "
+        "places on slopes and roofs are off by that over the tangent of the view"
+    )
+    west, south = (math.floor(edge / cell_m) * cell_m for edge in window[:2])
+    terrain = plane(frame, west, south, window[2], window[3], cell_m, height_m)
+    finding = Finding("warning", "flat_terrain", "terrain.flat", text, "", "terrain.file: a surface model")
+    return GroundModel(terrain, section.height_datum or "ellipsoid", section.flat.sd, (finding,))
+
+
+def _takeoff_m(tracks: Sequence[Track]) -> float:
+    """Where the absolute and the relative heights of the first flight that has both differ: its take-off."""
+    for track in tracks:
+        differences = track.absolute_height_m - track.relative_height_m
+        if np.isfinite(differences).any():
+            return float(np.nanmedian(differences))
+    if any(np.isfinite(t.relative_height_m).any() for t in tracks):
+        return 0.0
+    raise InputError(
+        "terrain.flat.height", "nothing, and telemetry with one height only", "the height of the ground"
+    )
