@@ -98,6 +98,7 @@ def _looked_at(
 def _prepared(path: Path, mission: Mission, detector: OwnDetector) -> PreparedMission:
     """What was filmed; in place of inventory and pool what stands for a detector that ran somewhere else."""
     filmed = read_filmed(path, mission, Faults())
+    mission = filmed.mission
     accuracy = _accuracy(detector)
     best = (AccuracyAt.model_construct(bitrate=1.0, accuracy=accuracy),)
     own = PoolDetector.model_construct(id=detector.name, memory=0.0, times=(), accuracy=best)
