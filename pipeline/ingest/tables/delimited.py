@@ -63,8 +63,11 @@ class DelimitedTable:
         return [row.cells[index].strip() if index < len(row.cells) else "" for row in self.rows]
 
 
-def read_table(path: Path, text: str, layout: Layout) -> DelimitedTable:
-    """The table in a text. Raises InputError if there is none in it."""
+def read_table(path: Path, text: str, layout: Layout, free_text: str = "") -> DelimitedTable:
+    """The table in a text. free_text: the last column's name, where it may hold delimiters that are none.
+
+    Raises InputError if there is no table in it.
+    """
     lines = text.split("\n")
     start, stated = _separator_line(lines)
     delimiter = layout.delimiter or stated or _delimiter(lines[start:])
@@ -75,7 +78,7 @@ def read_table(path: Path, text: str, layout: Layout) -> DelimitedTable:
         raise InputError(path, "no row of samples", "a table: a line of names, then a line for each sample")
     width = Counter(len(row.cells) for row in body[:1000]).most_common(1)[0][0]
     names = _names([row.cells for row in rows[:head]], width)
-    kept, left_out = _fitting(path, body, names, delimiter)
+    kept, left_out = _fitting(path, body, names, delimiter, free_text)
     return DelimitedTable(path, names, kept, layout.decimal or _decimal(kept), left_out)
 
 
@@ -88,14 +91,17 @@ def _separator_line(lines: list[str]) -> tuple[int, str | None]:
 
 
 def _delimiter(lines: list[str]) -> str:
-    """The first that splits most lines into the same number of cells; a comma may be a decimal one: last."""
+    """The first that splits most lines into the same number of cells; a comma may be a decimal one: late.
+
+    A space stands for any number of them.
+    """
     looked_at = [line for line in lines[:_LOOKED_AT] if line.strip()]
     for delimiter in _DELIMITERS:
         counts = Counter(len(_cells(line, delimiter)) for line in looked_at)
         width, times = counts.most_common(1)[0] if counts else (1, 0)
         if width >= 3 and times >= 0.5 * len(looked_at):
             return delimiter
-    return ","
+    return " " if len(looked_at[-1:]) and len(looked_at[-1].split()) >= 3 else ","
 
 
 def _rows(lines: list[str], start: int, delimiter: str) -> Iterator[Row]:
@@ -103,7 +109,7 @@ def _rows(lines: list[str], start: int, delimiter: str) -> Iterator[Row]:
     while number < len(lines):
         taken = _lines_of_row(lines, number)
         line = "\n".join(lines[number : number + taken])
-        if line.strip() and not line.lstrip().startswith("#"):
+        if line.strip() and not line.lstrip().startswith(("#", "%")):
             yield Row(number + 1, _cells(line, delimiter))
         number += taken
 
@@ -120,6 +126,8 @@ def _lines_of_row(lines: list[str], number: int) -> int:
 
 
 def _cells(line: str, delimiter: str) -> list[str]:
+    if delimiter == " ":
+        return line.split()
     try:
         return next(csv.reader([line.replace("\n", " ")], delimiter=delimiter), [])
     except csv.Error:
@@ -171,12 +179,19 @@ def _name(i: int, names: list[str], units: list[str]) -> str:
 
 
 def _fitting(
-    path: Path, rows: list[Row], names: tuple[str, ...], delimiter: str
+    path: Path, rows: list[Row], names: tuple[str, ...], delimiter: str, free_text: str
 ) -> tuple[list[Row], LeftOut]:
-    """Rows without surplus cells. Raises InputError if most have some: then the cells are not what they seem."""
+    """Rows without surplus cells, or only with those of a free text at the end, after a cell that is no number.
+
+    Raises InputError if most rows have surplus cells: then the cells are not what they seem.
+    """
     kept, left_out = [], LeftOut()
     for row in rows:
-        if any(cell.strip() for cell in row.cells[len(names) :]):
+        surplus = any(cell.strip() for cell in row.cells[len(names) :])
+        in_text = (
+            surplus and _folded(names[-1]) == free_text and not _is_value(row.cells[len(names) - 2].strip())
+        )
+        if surplus and not in_text:
             left_out.add("surplus_cells", f"{path}:{row.line}")
         else:
             kept.append(row)

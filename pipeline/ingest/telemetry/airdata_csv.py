@@ -35,16 +35,25 @@ _NAMES = {
 }
 
 
+#: one of these stands in every selection of columns that users export
+_OWN = {
+    "heightabovetakeoff",
+    "altitudeabovesealevel",
+    "compassheading",
+    "gimbalheading",
+    "gimbalpitch",
+    "ascent",
+}
+
+
 def is_airdata_csv(path: Path, head: bytes) -> bool:
     """Whether a file's head is Airdata's."""
     names = head_names(head)
-    return {"time", "latitude", "longitude"} <= names and bool(
-        {"heightabovetakeoff", "compassheading"} & names
-    )
+    return {"time", "datetime", "latitude", "longitude"} <= names and bool(_OWN & names)
 
 
 def read_airdata_csv(telemetry: Telemetry) -> Track:
     """The samples of a file. Raises InputError if none can be used."""
     text = read_text(telemetry.file, "a flight log of Airdata (CSV)")
-    table = read_table(telemetry.file, text, telemetry.table)
+    table = read_table(telemetry.file, text, telemetry.table, free_text="message")
     return track_of_table(table, columns_by_names(table, _NAMES) | telemetry.columns, height_datum="geoid")

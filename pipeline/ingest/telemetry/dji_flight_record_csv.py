@@ -11,7 +11,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from pipeline.config.mission import Column, Telemetry
-from pipeline.ingest.tables.delimited import read_table
+from pipeline.ingest.tables.delimited import DelimitedTable, read_table
 from pipeline.ingest.tables.known_names import columns_by_names, head_names
 from pipeline.ingest.tables.track import track_of_table
 from pipeline.ingest.text import read_text
@@ -20,9 +20,8 @@ from pipeline.ingest.track import Track
 _NAMES = {
     "time": (
         *("CUSTOM.updateTime [UTC]", "CUSTOM.dateTime [UTC]", "CUSTOM.dateTime", "CUSTOM.updateTime [local]"),
-        *("CUSTOM.updateTime", "DETAILS.updateTime"),
+        *("CUSTOM.updateTime", "DETAILS.updateTime", "timestamps", "timestamp"),
     ),
-    "elapsed": ("OSD.flyTime [s]", "OSD.flyTime"),
     "latitude": ("OSD.latitude",),
     "longitude": ("OSD.longitude",),
     "relative_height": ("OSD.height",),
@@ -38,6 +37,7 @@ _NAMES = {
     "recording": ("CAMERA.isVideo", "CUSTOM.isVideo", "CAMERA_INFO.recordState", "CAMERA.recordState"),
     "camera_name": ("OSD.droneType", "DETAILS.productType", "RECOVER.droneType"),
 }
+_FLY_TIMES = ("OSD.flyTime [s]", "OSD.flyTime", "OSD.flyTime [formatted]")
 _DATES = {"[utc]": "CUSTOM.date [UTC]", "[local]": "CUSTOM.date [local]", "": "CUSTOM.date"}
 
 
@@ -55,7 +55,14 @@ def read_dji_flight_record_csv(telemetry: Telemetry) -> Track:
     zone = next(tag for tag in _DATES if tag in time)
     if ".datetime" not in time:
         columns |= columns_by_names(table, {"date": (_DATES[zone],)})
-    if "elapsed" in columns:
+    fly_time = _finest(table, _FLY_TIMES)
+    if fly_time is not None:
         # dji-log-parser does not say the unit
-        columns["elapsed"] = Column(name=columns["elapsed"].name, unit="seconds")
+        columns["elapsed"] = Column(name=fly_time, unit="seconds")
     return track_of_table(table, columns | telemetry.columns)
+
+
+def _finest(table: DelimitedTable, names: tuple[str, ...]) -> str | None:
+    """The column with the most values: some tools write whole seconds beside ``0m 1.5s``, others tenths in both."""
+    present = [name for name in names if table.index(name) is not None]
+    return max(present, key=lambda name: len(set(table.column(table.index(name) or 0))), default=None)

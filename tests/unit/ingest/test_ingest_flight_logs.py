@@ -13,6 +13,7 @@ import pytest
 
 from pipeline.config.mission import Column, Telemetry
 from pipeline.errors import InputError
+from pipeline.ingest.clock import align
 from pipeline.ingest.registry import format_of, read_telemetry
 from pipeline.ingest.track import Track
 from tests.dialects import airdata_csv, column_table, dji_flight_record_csv, litchi_csv
@@ -227,6 +228,63 @@ def test_a_column_that_is_not_there_is_named_with_those_that_are(tmp_path: Path)
         match=r"telemetry.columns.longitude.name: found no column 'lng'; expected one of t, lat, lon",
     ):
         read(path, columns=columns)
+
+
+def test_a_selection_of_airdatas_columns_is_airdatas(tmp_path: Path) -> None:
+    """The first dates may be empty; rows before the fix stand at 0, 0; a message may have commas."""
+    path = tmp_path / "log.csv"
+    path.write_text(
+        "time(millisecond),datetime(utc),latitude,longitude,height_sonar(feet),satellites,gimbal_heading(degrees),"
+        "gimbal_pitch(degrees),ascent(feet),flycState,message\n"
+        "0,,0,0,0.3,0,270.2,-45,0,P-GPS,Max altitude set to 98 ft (Code: 30015)\n"
+        "100,2026-06-14 09:29:59,0,0,0.3,7,270.2,-45,0,P-GPS,\n"
+        "200,2026-06-14 09:30:00,58.4,15.5,0.3,9,270.2,-45,0,P-GPS,Home Point recorded. Height 61m, speed 3 m/s, wind\n"
+        "300,2026-06-14 09:30:00,58.4,15.5,0.3,9,270.2,-45,0,P-GPS,\n"
+    )
+    assert format_of(Telemetry(file=path)).name == "airdata-csv"
+    track = read(path)
+    assert (track.start_time_ns, dict(track.left_out)) == (START_NS, {"no_fix": 2})
+    assert track.first_left_out["no_fix"] == f"{path}:2"
+    assert track.horizontal_sd_m is not None
+    assert track.horizontal_sd_m.tolist() == [2.0, 2.0]
+
+
+def test_the_finer_of_two_times_of_flight_is_taken(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    rows = "".join(
+        f"{1781429400 + k // 4},0m {k / 4:.2f}s,{k // 4},58.4,15.5,65.6,{k > 4}\n" for k in range(12)
+    )
+    head = (
+        "timestamps,OSD.flyTime,OSD.flyTime [s],OSD.latitude,OSD.longitude,OSD.height [ft],CAMERA.isVideo\n"
+    )
+    path.write_text(head + rows)
+    track = read(path)
+    assert (track.start_time_ns, track.clock) == (START_NS, "utc")
+    assert np.allclose(np.diff(track.times_s), 0.25)
+    assert track.recording is not None
+    assert track.recording.sum() == 7
+
+
+def test_a_log_of_several_recordings_gives_that_of_the_video(tmp_path: Path) -> None:
+    """Ten, six and three seconds of recording, two seconds apart; the video lasts six."""
+    path, true = tmp_path / "log.csv", true_track(300)
+    dji_flight_record_csv.write(path, true)
+    head, names, *lines = path.read_text(encoding="utf-8-sig").splitlines()
+    on = [20 <= k < 120 or 140 <= k <= 200 or 220 <= k < 250 for k in range(300)]
+    path.write_text(
+        "\n".join(
+            [
+                head,
+                names,
+                *(line.replace("False,True", f"False,{o}") for line, o in zip(lines, on, strict=True)),
+            ]
+        )
+    )
+    track = read(path)
+    alignment = align(track, Telemetry(file=path), 6.0, None, path)
+    assert alignment.offset_s == pytest.approx(-(track.times_s[140]))
+    with pytest.raises(InputError, match="time_offset"):
+        align(track, Telemetry(file=path), 4.5, None, path)
 
 
 @pytest.mark.skipif(not AIRDATA_DEMO.exists(), reason="needs ../shared")

@@ -52,6 +52,10 @@ LAYOUTS: dict[str, tuple[str, dict[str, Any], dict[str, Any]]] = {
     "groups over the names": (
         ",GPS,GPS,GPS\nt,lat,lon,alt\n0.0,58.4,15.5,100\n0.1,58.4,15.5,100\n", {}, {},
     ),
+    "spaces, comments": (
+        "% program: RTKLIB\n% t lat lon alt\n t  lat   lon   alt\n 0.0  58.4  15.5  100\n 0.1  58.4  15.5  100\n",
+        {}, {},
+    ),
     "no head": (
         "0.0,58.4,15.5,100\n0.1,58.4,15.5,100\n",
         NUMBERED,
