@@ -54,11 +54,16 @@ def fuse(
         float | None,
         typer.Option(min=1e-3, help="Hz: the numbers count pictures taken from the video at this rate."),
     ] = None,
+    picture_size: Annotated[
+        str | None,
+        typer.Option(help="WIDTHxHEIGHT of the pictures that the boxes are of, if not the video's."),
+    ] = None,
 ) -> None:
     """Geolocate and fuse detections that were made elsewhere, without allocation or models."""
     from pipeline.config.pool import Calibration
     from pipeline.mission.fuse import fuse as fuse_detections
     from pipeline.mission.own_detections import OwnDetector
+    from pipeline.mission.picture_finder import Numbering
     from pipeline.mission.run_directory import write_run_directory
     from pipeline.outputs.report import verdict
     from pipeline.storage.whole_or_nothing import check_run_directory
@@ -72,8 +77,8 @@ def fuse(
         None if calibration is None else Calibration(scale=calibration[0], offset=calibration[1]),
         min_score,
         dict(_pair(text) for text in classes or ()),
-        first_frame,
-        frame_rate,
+        Numbering(first_frame, frame_rate),
+        None if picture_size is None else _size(picture_size),
     )
     prepared, finished = fuse_detections(
         mission, detections, images, None if looked_at is None else looked_at.value, detector
@@ -89,3 +94,10 @@ def _pair(text: str) -> tuple[str, str]:
     if not sign or not label or not name:
         raise InputError("--class", repr(text), "LABEL=NAME")
     return label, name
+
+
+def _size(text: str) -> tuple[int, int]:
+    width, _, height = text.lower().partition("x")
+    if not (width.isdecimal() and height.isdecimal() and int(width) and int(height)):
+        raise InputError("--picture-size", repr(text), "WIDTHxHEIGHT, such as 640x360")
+    return int(width), int(height)

@@ -16,17 +16,18 @@ from pipeline.config.pool import AccuracyAt, Pool, PoolDetector
 from pipeline.errors import InputError
 from pipeline.ingest.video.file import picture_times_s, sampled_indices
 from pipeline.messages import EndOfStream
+from pipeline.mission.detection_files import read_listing
 from pipeline.mission.faults import Faults
-from pipeline.mission.listed_frames import ListedRow, Listing, read_listing
+from pipeline.mission.listed_frames import ListedRow, Listing
 from pipeline.mission.local import FinishedRun, make_reducer
 from pipeline.mission.own_detections import (
     OWN,
-    FilmedStream,
     OwnDetector,
     PlacedDetections,
     looked_at_all,
     place,
 )
+from pipeline.mission.picture_finder import FilmedStream
 from pipeline.mission.prepared import PreparedMission, read_filmed
 from pipeline.mission.stages.source import SourceCount
 
@@ -171,6 +172,8 @@ def _sentences(
         f"accuracy relative to the sensor model's best: {_accuracy(detector):g}, {stated}",
         f"calibration of the scores: {calibration}",
     ]
+    if detector.picture_size is None and any(row.box and row.size is None for row in listing.rows):
+        said.append("assumed: boxes are in pixels of the video's own pictures (--picture-size)")
     said += [f"assumed: {sentence}" for sentence in dict.fromkeys(listing.assumed)]
     said += [
         f"left out: {count} {reason} (first: {listing.first[reason]})"

@@ -6,7 +6,6 @@ where it was met.
 
 from __future__ import annotations
 
-import math
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -17,17 +16,16 @@ from pipeline.config.mission import ObjectClass
 from pipeline.config.pool import Calibration
 from pipeline.errors import InputError
 from pipeline.geo.camera import Camera
-from pipeline.ingest.tables.dates import moment
-from pipeline.ingest.trajectory import Trajectory
-from pipeline.messages import Detections, FloatArray
-from pipeline.mission.frame_names import key_in, number_in, stream_of, time_in
+from pipeline.messages import Detections
 from pipeline.mission.listed_frames import ListedRow, Listing, labels
+from pipeline.mission.picture_finder import FilmedStream, Numbering, PictureFinder, first_number, stream_keys
 from pipeline.sensor.calibration import calibrated
 
+_Picture = tuple[str, int]
+_Entry = tuple[float, tuple[float, ...], int]
 #: the substream's detector
 OWN = "own"
 _ASPECT_TOLERANCE = 0.02
-_EPOCH_S = 1e8
 
 
 @dataclass(frozen=True)
@@ -36,8 +34,8 @@ class OwnDetector:
 
     accuracy: relative to the best that the sensor model knows (the paper's p_det_rel), 0..1; calibration: what
     a score is worth; both None: assumed. min_score: boxes below are not used. classes: the file's label -> the
-    mission's class. first_frame: the number of the video's first picture. frame_rate: Hz at which the pictures
-    were taken from the video, if their numbers count these; None: they count the video's own pictures.
+    mission's class. numbering: of the pictures. picture_size: width and height of the pictures that its boxes
+    are of, where the file does not say it; None: the stream's own.
     """
 
     name: str = OWN
@@ -45,19 +43,8 @@ class OwnDetector:
     calibration: Calibration | None = None
     min_score: float = 0.3
     classes: Mapping[str, str] = field(default_factory=dict)
-    first_frame: int | None = None
-    frame_rate: float | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class FilmedStream:
-    """times_s: presentation time of every picture, increasing. video: its file's name."""
-
-    stream: str
-    video: str
-    times_s: FloatArray
-    trajectory: Trajectory
-    camera: Camera
+    numbering: Numbering = field(default_factory=Numbering)
+    picture_size: tuple[int, int] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,15 +64,18 @@ def place(
     """
     by_id = {s.stream: s for s in streams}
     class_ids = _class_ids(listing, classes, detector)
-    placed = _Placing(listing, by_id, _keys(streams), _first_number(listing, streams, detector), detector)
-    boxes: dict[tuple[str, int], set[tuple[float, tuple[float, ...], int]]] = defaultdict(set)
+    finder = PictureFinder(
+        listing,
+        by_id,
+        stream_keys(streams),
+        first_number(listing, streams, detector.numbering),
+        detector.numbering,
+    )
+    boxes: dict[_Picture, set[_Entry]] = defaultdict(set)
     shares = _are_shares(listing)
-    for row in listing.rows:
-        picture = placed.picture(row)
-        if picture is None:
-            continue
+    for row, picture in _without_rivals(listing, [(row, finder.picture(row)) for row in listing.rows]):
         found = boxes[picture]
-        box = _box(row, by_id[picture[0]].camera, listing, shares)
+        box = _box(row, by_id[picture[0]].camera, listing, shares, detector)
         if box is None:
             continue
         if row.label not in class_ids:
@@ -99,6 +89,28 @@ def place(
     return _with_poses(boxes, by_id, listing, detector)
 
 
+def _without_rivals(
+    listing: Listing, rows: list[tuple[ListedRow, _Picture | None]]
+) -> list[tuple[ListedRow, _Picture]]:
+    """Rows that have a picture. Where boxes of two frames fall on one picture, those of the first frame stay."""
+    placed = [(row, picture) for row, picture in rows if picture is not None]
+    first: dict[_Picture, tuple[int, str, str]] = {}
+    for row, picture in placed:
+        if row.box is not None:
+            first[picture] = min(first.get(picture, _frame_key(row)), _frame_key(row))
+    kept = []
+    for row, picture in placed:
+        if row.box is not None and _frame_key(row) != first[picture]:
+            listing.leave_out("another frame of the same picture", row.where)
+        else:
+            kept.append((row, picture))
+    return kept
+
+
+def _frame_key(row: ListedRow) -> tuple[int, str, str]:
+    return (-1 if row.frame is None else row.frame, row.time, row.file)
+
+
 def looked_at_all(listing: Listing) -> None:
     """Take every picture of the images file for looked at."""
     listing.rows += listing.pictures
@@ -106,7 +118,7 @@ def looked_at_all(listing: Listing) -> None:
 
 
 def _with_poses(
-    boxes: Mapping[tuple[str, int], set[tuple[float, tuple[float, ...], int]]],
+    boxes: Mapping[_Picture, set[_Entry]],
     streams: Mapping[str, FilmedStream],
     listing: Listing,
     detector: OwnDetector,
@@ -135,120 +147,6 @@ def _with_poses(
             )
         )
     return PlacedDetections(tuple(sorted(results, key=lambda r: r.order)), in_vain)
-
-
-@dataclass(frozen=True, eq=False)
-class _Placing:
-    """Finds the picture of a row; what it cannot find it counts."""
-
-    listing: Listing
-    streams: Mapping[str, FilmedStream]
-    keys: Mapping[str, str]
-    first_number: int
-    detector: OwnDetector
-
-    def picture(self, row: ListedRow) -> tuple[str, int] | None:
-        stream = self._stream(row)
-        if stream is None:
-            self.listing.leave_out("unknown stream", row.where)
-            return None
-        index = self._index(row, self.streams[stream])
-        if isinstance(index, str):
-            self.listing.leave_out(index, row.where)
-            return None
-        return stream, index
-
-    def _stream(self, row: ListedRow) -> str | None:
-        if row.stream:
-            by_name = {key.lower(): stream for key, stream in self.keys.items()}
-            return by_name.get(row.stream.lower())
-        return stream_of(row.file, self.keys)
-
-    def _index(self, row: ListedRow, filmed: FilmedStream) -> int | str:
-        """The number of the picture in the video, or why there is none."""
-        key = key_in(row.file, self.keys)
-        if row.time:
-            time_s = self._time_s(row.time, filmed)
-            return "a time that cannot be read" if time_s is None else _nearest(filmed.times_s, time_s)
-        if row.frame is None and row.file and (named_s := time_in(row.file, key)) is not None:
-            return _nearest(filmed.times_s, named_s)
-        number = row.frame if row.frame is not None else number_in(row.file, key)
-        if number is None:
-            return "neither number nor time in the file's name"
-        number -= self.first_number
-        if self.detector.frame_rate is not None:
-            return _nearest(filmed.times_s, number / self.detector.frame_rate)
-        return number if 0 <= number < len(filmed.times_s) else "outside of the video"
-
-    def _time_s(self, text: str, filmed: FilmedStream) -> float | None:
-        """Seconds of the video: as they are, or of a date."""
-        try:
-            value = float(text)
-        except ValueError:
-            read = moment(text, month_first=False)
-            if (
-                read is None
-                or read.day_ns is None
-                or read.of_day_ns is None
-                or filmed.trajectory.clock == "unknown"
-            ):
-                return None
-            date_ns = read.day_ns + read.of_day_ns - (read.utc_offset_ns or 0)
-            return (date_ns - filmed.trajectory.utc_ns(0.0)) * 1e-9
-        if value < _EPOCH_S:
-            return value
-        digits = 9 if value < 1e11 else 6 if value < 1e14 else 3 if value < 1e17 else 0
-        return (round(value * 10**digits) - filmed.trajectory.utc_ns(0.0)) * 1e-9
-
-
-def _nearest(times_s: FloatArray, time_s: float) -> int | str:
-    """The picture that is nearest to a time, if one is within six tenths of the usual distance."""
-    if not math.isfinite(time_s):
-        return "a time that cannot be read"
-    index = int(np.argmin(np.abs(times_s - time_s)))
-    usual_s = float(np.median(np.diff(times_s))) if len(times_s) > 1 else 0.1
-    if abs(float(times_s[index]) - time_s) <= 0.6 * usual_s:
-        return index
-    outside = not times_s[0] <= time_s <= times_s[-1]
-    return "outside of the video" if outside else "no picture at that time"
-
-
-def _keys(streams: Sequence[FilmedStream]) -> dict[str, str]:
-    """What may stand for a stream; a video's name that two streams share stands for none."""
-    keys: dict[str, str] = {}
-    for s in streams:
-        for name in {s.video, s.video.rpartition(".")[0]} - {""}:
-            keys[name] = "" if name in keys else s.stream
-    keys = {name: stream for name, stream in keys.items() if stream}
-    return keys | {s.stream: s.stream for s in streams}
-
-
-def _first_number(listing: Listing, streams: Sequence[FilmedStream], detector: OwnDetector) -> int:
-    """0 or 1: stated, or shown by the numbers themselves, or assumed."""
-    if detector.first_frame is not None:
-        return detector.first_frame
-    keys = _keys(streams)
-    rows = [row for row in (*listing.rows, *listing.pictures) if not row.time]
-    read = [
-        row.frame if row.frame is not None else number_in(row.file, key_in(row.file, keys)) for row in rows
-    ]
-    numbers = {n for n in read if n is not None}
-    if not numbers or 0 in numbers:
-        return 0
-    longest = max(len(s.times_s) for s in streams)
-    if detector.frame_rate is None and longest in numbers:
-        listing.assumed.append(f"frames are numbered from 1: the last of the video, {longest}, is listed")
-        return 1
-    listing.assumed.append("frames are numbered from 0 (else: --first-frame 1)")
-    if (
-        detector.frame_rate is None
-        and max(numbers) < 0.7 * longest
-        and max(numbers) - min(numbers) < 2 * len(numbers)
-    ):
-        listing.assumed.append(
-            f"frame numbers, up to {max(numbers)}, count the video's own {longest} pictures (else: --frame-rate)"
-        )
-    return 0
 
 
 def _class_ids(listing: Listing, classes: Sequence[ObjectClass], detector: OwnDetector) -> dict[str, int]:
@@ -281,11 +179,14 @@ def _are_shares(listing: Listing) -> bool:
     return True
 
 
-def _box(row: ListedRow, camera: Camera, listing: Listing, shares: bool) -> tuple[float, ...] | None:
+def _box(
+    row: ListedRow, camera: Camera, listing: Listing, shares: bool, detector: OwnDetector
+) -> tuple[float, ...] | None:
     """The box in pixels of the stream's picture; None if the row has none, or it is counted."""
     if row.box is None:
         return None
-    width, height = (1.0, 1.0) if shares else row.size or (camera.width, camera.height)
+    size = row.size or detector.picture_size or (camera.width, camera.height)
+    width, height = (1.0, 1.0) if shares else size
     if not shares and abs(width * camera.height / (height * camera.width) - 1.0) > _ASPECT_TOLERANCE:
         listing.leave_out("box of a picture of another shape", row.where)
         return None

@@ -18,6 +18,7 @@ from pipeline.ingest.increasing import longest_increasing
 from pipeline.ingest.registry import read_telemetry
 from pipeline.ingest.track import Track
 from tests.dialects import airdata_csv, column_table, dji_flight_record_csv, litchi_csv
+from tests.mutations import mutated
 
 WRITERS: dict[str, tuple[Callable[..., None], str]] = {
     "airdata": (airdata_csv.write, "airdata-csv"),
@@ -26,22 +27,6 @@ WRITERS: dict[str, tuple[Callable[..., None], str]] = {
     "column table": (column_table.write, "table"),
 }
 COLUMNS = {name: Column(**spelt) for name, spelt in column_table.COLUMNS.items()}
-SCRAPS = (
-    b"\0",
-    b"\xff",
-    b"\xff\xfe",
-    b'"',
-    b";",
-    b",,",
-    b"\n\n",
-    b"nan",
-    b"1e999",
-    b"-",
-    b"9" * 400,
-    b"\t",
-    b"\r",
-    b"58.4",
-)
 
 
 def track() -> Track:
@@ -51,29 +36,6 @@ def track() -> Track:
     return Track(
         1_781_429_400_000_000_000, times_s, 58.4 * ones, 15.5 * ones, *heights, ones, -ones, 0 * ones
     )
-
-
-def mutated(data: bytes, chance: random.Random) -> bytes:
-    """One to eight bytes, scraps, lines or ends changed."""
-    result = bytearray(data)
-    for _ in range(chance.randint(1, 8)):
-        at = chance.randrange(len(result) + 1)
-        kind = chance.randrange(6)
-        if kind == 0 and result:
-            result[at % len(result)] = chance.randrange(256)
-        elif kind == 1:
-            result[at:at] = chance.choice(SCRAPS)
-        elif kind == 2:
-            del result[at : at + chance.randint(1, 80)]
-        elif kind == 3:
-            del result[at:]
-        elif kind == 4:
-            result[at:at] = result[at : at + chance.randint(1, 200)]
-        else:
-            lines = bytes(result).split(b"\n")
-            chance.shuffle(lines)
-            result = bytearray(b"\n".join(lines))
-    return bytes(result)
 
 
 def read_or_refuse(telemetry: Telemetry) -> Track | str:

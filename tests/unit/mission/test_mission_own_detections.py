@@ -17,9 +17,11 @@ from pipeline.errors import InputError
 from pipeline.geo.camera import Camera
 from pipeline.ingest.trajectory import Trajectory
 from pipeline.messages import CameraPose
+from pipeline.mission.detection_files import read_listing
 from pipeline.mission.frame_names import number_in, stream_of, time_in
-from pipeline.mission.listed_frames import Listing, read_listing
-from pipeline.mission.own_detections import FilmedStream, OwnDetector, PlacedDetections, looked_at_all, place
+from pipeline.mission.listed_frames import Listing
+from pipeline.mission.own_detections import OwnDetector, PlacedDetections, looked_at_all, place
+from pipeline.mission.picture_finder import FilmedStream, Numbering
 
 START_NS = 1_781_429_400_000_000_000  # 2026-06-14 09:30:00 UTC
 PERSON = cast("ObjectClass", ObjectClass.model_construct(id=0, name="person"))
@@ -183,10 +185,27 @@ def test_numbers_that_reach_the_last_picture_show_that_they_count_from_one(tmp_p
 
 def test_numbers_of_pictures_taken_at_another_rate_are_times(tmp_path: Path) -> None:
     listing = listed(tmp_path, HEAD + "one,1,10,20,30,40,0.5,person\none,4,10,20,30,40,0.5,person\n")
-    assert [d.index for d in placed(listing, first_frame=1, frame_rate=2.0).detections] == [0, 15]
+    assert [d.index for d in placed(listing, numbering=Numbering(1, 2.0)).detections] == [0, 15]
     listing = listed(tmp_path, HEAD + "".join(f"one,{n},10,20,30,40,0.5,person\n" for n in range(1, 9)))
     placed(listing)
     assert any("--frame-rate" in sentence for sentence in listing.assumed)
+
+
+def test_boxes_of_smaller_pictures_are_scaled_if_said(tmp_path: Path) -> None:
+    listing = listed(tmp_path, HEAD + "one,3,10,20,30,40,0.5,person\n")
+    (found,) = placed(listing, picture_size=(320, 240)).detections
+    assert found.boxes_px.tolist() == [[20, 40, 80, 120]]
+    placed(listing, picture_size=(320, 200))
+    assert listing.left_out == {"box of a picture of another shape": 1}
+
+
+def test_boxes_of_two_frames_that_fall_on_one_picture_are_not_added_up(tmp_path: Path) -> None:
+    rows = [f"one,{t},10,20,30,40,0.5,person" for t in (0.7, 0.74, 0.8)]
+    for order in (rows, rows[::-1]):
+        listing = listed(tmp_path, HEAD.replace("frame", "time") + "\n".join(order))
+        assert [(d.index, len(d.scores)) for d in placed(listing).detections] == [(7, 1), (8, 1)]
+        assert listing.left_out == {"another frame of the same picture": 1}
+        assert listing.first["another frame of the same picture"].endswith(":3")
 
 
 IMAGES = {
