@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
@@ -197,6 +197,15 @@ class Stream(Strict):
     site: str
     start: Seconds | None = None
     end: Seconds | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _telemetry_is_in_the_video(cls, given: Any) -> Any:
+        if not isinstance(given, dict) or "telemetry" in given or "video" not in given:
+            return given
+        video = given["video"]
+        first = video[0] if isinstance(video, list | tuple) and video else video
+        return given | {"telemetry": {"file": first}}
 
 
 class Delays(Strict):

@@ -5,6 +5,10 @@ its compass and gimbal), what all looks at a place share (the terrain's height, 
 the body's posture) moves them all together: a hundred looks do not average it away. What differs from look to
 look (the wandering of pose, the box) does average, as far as it is not correlated in time.
 
+Where the telemetry states how sure a pose is (the kind of fix, RTK, a course taken for a heading), that takes the
+place of the mission's position_bias, height_bias or attitude_bias for this look, be it larger or smaller. Such an
+error is taken to be wholly shared by the looks of its stream: a look that is twice as unsure moves twice as far.
+
 The second kind is also estimated from the scatter of the looks: its variance is multiplied by the variance
 factor chi-square / degrees of freedom of the rays' residuals where that is above 1. So the larger of what was
 predicted and what was observed counts (R. T. Birge, "The calculation of errors by the method of least
@@ -33,7 +37,8 @@ class _Effects:
     """What a unit of each error of each look does to a quantity of k components.
 
     position: (N, k, 3) for metres east, north, up. attitude: (N, k, 3) for radians yaw, pitch, roll.
-    box: (N, k, 3), for the direction of the rays, radians. times_s: (N,). streams: (N,), numbers.
+    box: (N, k, 3), for the direction of the rays, radians. times_s: (N,). streams: (N,), numbers. stated: (N, 6),
+    standard deviations of east, north, up, yaw, pitch and roll that a look states itself; NaN where it does not.
     """
 
     position: FloatArray
@@ -41,6 +46,7 @@ class _Effects:
     box: FloatArray
     times_s: FloatArray
     streams: FloatArray
+    stated: FloatArray
 
 
 def place_covariance(looks: Sequence[Look], uncertainty: Uncertainty) -> FloatArray:
@@ -102,22 +108,40 @@ def _effects_on_rays(looks: Sequence[Look], body_enu: FloatArray, tangents: Floa
     return _Effects(tangents, turned @ axes, turned * pixel, *_when_and_who(looks))
 
 
-def _when_and_who(looks: Sequence[Look]) -> tuple[FloatArray, FloatArray]:
+def _when_and_who(looks: Sequence[Look]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """The last fields of _Effects."""
     first = min(look.time_ns for look in looks)
     names = sorted({look.stream for look in looks})
     times = np.array([(look.time_ns - first) * 1e-9 for look in looks])
-    return times, np.array([names.index(look.stream) for look in looks], dtype=np.float64)
+    stated = [(k.horizontal_sd_m,) * 2 + (k.height_sd_m,) + (k.attitude_sd_rad,) * 3 for k in looks]
+    streams = np.array([names.index(look.stream) for look in looks], dtype=np.float64)
+    return times, streams, np.array(stated, dtype=np.float64)
 
 
 def _of_biases(effects: _Effects, uncertainty: Uncertainty) -> FloatArray:
     """Each stream's looks move together."""
     total = np.zeros((2, 2))
-    position2, attitude2 = _bias_variances(uncertainty)
+    of_position, of_attitude, position2, attitude2 = _of_unit_bias(effects, uncertainty)
     for stream in np.unique(effects.streams):
         mine = effects.streams == stream
-        position, attitude = effects.position[mine].sum(axis=0), effects.attitude[mine].sum(axis=0)
+        position, attitude = of_position[mine].sum(axis=0), of_attitude[mine].sum(axis=0)
         total += position * position2 @ position.T + attitude * attitude2 @ attitude.T
     return total
+
+
+def _of_unit_bias(
+    effects: _Effects, uncertainty: Uncertainty
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Effects of position and attitude (N, k, 3), and the variances (3,) of the biases that they are multiplied by.
+
+    Where a look states its own deviations they are in its effects, and the variances are 1.
+    """
+    position2, attitude2 = _bias_variances(uncertainty)
+    if np.isnan(effects.stated).all():
+        return effects.position, effects.attitude, position2, attitude2
+    of_mission = np.sqrt(np.concatenate([position2, attitude2]))
+    sds = np.where(np.isnan(effects.stated), of_mission, effects.stated)[:, None, :]
+    return effects.position * sds[..., :3], effects.attitude * sds[..., 3:], np.ones(3), np.ones(3)
 
 
 def _bias_variances(uncertainty: Uncertainty) -> tuple[FloatArray, FloatArray]:
@@ -169,9 +193,9 @@ def _joint(effects: _Effects, uncertainty: Uncertainty) -> FloatArray:
     same = effects.streams[:, None] == effects.streams[None]
     lag_s = np.abs(effects.times_s[:, None] - effects.times_s[None])
     wander = same * np.exp(-lag_s / uncertainty.correlation_time)
-    position2, attitude2 = _bias_variances(uncertainty)
-    position = np.einsum("nik,mjk,k->nimj", effects.position, effects.position, position2)
-    attitude = np.einsum("nik,mjk,k->nimj", effects.attitude, effects.attitude, attitude2)
+    of_position, of_attitude, position2, attitude2 = _of_unit_bias(effects, uncertainty)
+    position = np.einsum("nik,mjk,k->nimj", of_position, of_position, position2)
+    attitude = np.einsum("nik,mjk,k->nimj", of_attitude, of_attitude, attitude2)
     total = same[:, None, :, None] * (position + attitude)
     position = np.einsum("nik,mjk->nimj", effects.position, effects.position) * uncertainty.position_noise**2
     attitude = np.einsum("nik,mjk->nimj", effects.attitude, effects.attitude) * uncertainty.attitude_noise**2

@@ -187,6 +187,9 @@ class Fuser:
             self._pixel_rad[stream],
             object_class.name,
             i,
+            detections.pose.horizontal_sd_m,
+            detections.pose.height_sd_m,
+            detections.pose.attitude_sd_rad,
         )
 
     def _observe(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from pipeline.messages import FloatArray
@@ -14,7 +15,8 @@ class Look:
     intersection_enu: float64 (3,), where the ray of the significant point meets the terrain, metres.
     camera_enu: float64 (3,), metres. center_ray_enu: float64 (3,), unit direction of the box's centre.
     enu_from_camera: float64 (3, 3), the camera's attitude. pixel_rad: the angle that a pixel covers.
-    class_name: what was detected, the map's layer. box: its number in the detector's result.
+    class_name: what was detected, the map's layer. box: its number in the detector's result. horizontal_sd_m,
+    height_sd_m, attitude_sd_rad: of the camera's pose, as in ``CameraPose``.
     """
 
     time_ns: int
@@ -31,6 +33,9 @@ class Look:
     pixel_rad: float
     class_name: str = "person"
     box: int = 0
+    horizontal_sd_m: float = math.nan
+    height_sd_m: float = math.nan
+    attitude_sd_rad: float = math.nan
 
     @property
     def order(self) -> tuple[int, str, str, int]:

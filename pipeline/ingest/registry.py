@@ -16,6 +16,12 @@ from pipeline.ingest.telemetry.dji_flight_record_csv import (
 )
 from pipeline.ingest.telemetry.dji_srt import is_dji_srt, read_dji_srt
 from pipeline.ingest.telemetry.litchi_csv import is_litchi_csv, read_litchi_csv
+from pipeline.ingest.telemetry.video_subtitles import (
+    is_video,
+    is_video_with_subtitles,
+    read_video_subtitles,
+    without_telemetry,
+)
 from pipeline.ingest.track import Track
 
 #: a format is recognised by the file's name and so many of its first bytes
@@ -36,6 +42,12 @@ class TelemetryFormat:
 TELEMETRY_FORMATS = (
     TelemetryFormat(
         "dji-srt", "DJI subtitles (SRT)", is_dji_srt, lambda t: read_dji_srt(t.file, t.gps_order)
+    ),
+    TelemetryFormat(
+        "video-subtitles",
+        "DJI subtitles inside the video",
+        is_video_with_subtitles,
+        lambda t: read_video_subtitles(t.file, t.gps_order),
     ),
     TelemetryFormat("airdata-csv", "flight logs of Airdata (CSV)", is_airdata_csv, read_airdata_csv),
     TelemetryFormat("litchi-csv", "flight logs of Litchi (CSV)", is_litchi_csv, read_litchi_csv),
@@ -66,6 +78,8 @@ def format_of(telemetry: Telemetry) -> TelemetryFormat:
     for known in TELEMETRY_FORMATS:
         if known.recognises(telemetry.file, head):
             return known
+    if is_video(head):
+        raise without_telemetry(telemetry.file)
     raise InputError(
         telemetry.file,
         "telemetry of an unknown format",

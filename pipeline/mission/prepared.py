@@ -20,6 +20,7 @@ from pipeline.geo.search_area import load_search_area
 from pipeline.geo.terrain import Terrain
 from pipeline.ingest.finding import Finding
 from pipeline.ingest.ground import GroundModel, Window, frame_over, load_ground, window_about
+from pipeline.ingest.resolution import with_resolution
 from pipeline.ingest.track import Clock
 from pipeline.link.codec import require_codec
 from pipeline.mission.checks import (
@@ -73,8 +74,9 @@ class PreparedMission:
 
     @property
     def clock(self) -> Clock:
-        """Of all times of the run: UTC only if every stream's is."""
-        return "utc" if all(s.trajectory.clock == "utc" for s in self.streams) else "local"
+        """Of all times of the run: UTC only if every stream's is; unknown if no stream has a date."""
+        clocks = {s.trajectory.clock for s in self.streams}
+        return clocks.pop() if len(clocks) == 1 else "local"
 
     @property
     def frame(self) -> LocalFrame:
@@ -155,7 +157,14 @@ def _streams(
     flights = []
     for recording in recordings:
         with faults.collected():
-            flights.append((recording, recording.trajectory(terrain.frame, ground.ground)))
+            trajectory, coarse = with_resolution(
+                recording.trajectory(terrain.frame, ground.ground),
+                recording.track,
+                recording.stream.telemetry,
+                mission.fusion.uncertainty,
+            )
+            flights.append((recording, trajectory))
+            findings += coarse
     settled_ones, of_clocks = settled([(r.stream.id, t, r.video.duration_s) for r, t in flights])
     streams = []
     for (recording, _), trajectory in zip(flights, settled_ones, strict=True):

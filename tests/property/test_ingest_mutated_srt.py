@@ -1,74 +1,152 @@
-"""Whatever happens to a subtitle file on its way: samples or one line, never a traceback, never a long wait."""
+"""Whatever happens to subtitles on their way: a flight or one line, never a traceback, never a long wait."""
 
 import time
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from pipeline.config.mission import Telemetry
 from pipeline.errors import InputError
-from pipeline.ingest.telemetry.dji_srt import read_dji_srt
+from pipeline.geo.frame import LocalFrame
+from pipeline.ingest.registry import read_telemetry
+from pipeline.ingest.trajectory_of import Ground, trajectory_of
+from tests.dialects import demo, dji_subtitles, video_text_track
 
 SEED = 20_261_127
 MOST_S = 2.0
-DIALECTS = (
-    "{n}\n00:00:{s:02d},000 --> 00:00:{s:02d},900\n<font size=\"28\">FrameCnt: {n}, DiffTime: 33ms\n"
-    "2026-06-14 09:30:{s:02d},000,000\n[focal_len: 24.00] [latitude: 58.4017433] [longitude: 15.57{s:02d}] "
-    "[rel_alt: 15.384 abs_alt: 128.651] [gb_yaw: 1.0 gb_pitch: -45.0 gb_roll: 0.0] </font>\n\n",
-    "{n}\n00:00:{s:02d},000 --> 00:00:{s:02d},900\nSS 60, RTK (15.57{s:02d}, 58.401743, 28), D 75.36m, H 76.19m, "
-    "H.S 0.30m/s, F.PRY (-5.3°, 2.1°, 28.3°), G.PRY (-40.0°, 0.0°, 28.2°)\n\n",
-    "{n}\n00:00:{s:02d},000 --> 00:00:{s:02d},900\nHOME(149.0,-20.2) 2017.08.05 14:11:{s:02d}\n"
-    "GPS(149.02{s:02d},-20.2533,16) BAROMETER:1.9\nISO:100 Shutter:60\n\n",
-)  # fmt: skip
-ENCODINGS = ("utf-8", "utf-16", "latin-1")
+FRAME = LocalFrame(58.4, 15.57)
+GROUND = Ground("ellipsoid", lambda east, north: 100.0)
+TEXTS = (
+    dji_subtitles.brackets,
+    dji_subtitles.pitch_roll_yaw,
+    dji_subtitles.rtk,
+    dji_subtitles.barometer,
+    dji_subtitles.whole_metres,
+    lambda rows, i: (
+        f"GPS({rows.latitude_deg[i]:.6f},{rows.longitude_deg[i]:.6f},69.8) BAROMETER(91.2) HOME(1,2)"
+    ),
+)
+ENCODINGS = ("utf-8", "utf-8-sig", "utf-16", "utf-16-be", "latin-1")
+SCRAPS = (
+    *(
+        b"-->",
+        b"\n\n",
+        b"[",
+        b"(((((",
+        b"\xff\xfe",
+        b"nan",
+        b"\0\0",
+        b"[latitude: ",
+        b"GPS(",
+        b"inf",
+        b"1e999",
+    ),
+    *(
+        b"-",
+        b"\r",
+        b"00:00:00,000 --> 00:00:00,033\n",
+        b"99999999:99:99,999",
+        b"0000-00-00 00:00:00",
+        b"\xe2\x80\xae",
+    ),
+)
+FLIGHT = demo.at_rate(demo.true_track("drone-1"), 2.0)
 
 
-def mutated(rng: np.random.Generator) -> bytes:
-    text = "".join(DIALECTS[rng.integers(3)].format(n=k + 1, s=k) for k in range(int(rng.integers(1, 20))))
-    data = bytearray(text.encode(ENCODINGS[rng.integers(3)]))
+def mutated(data: bytearray, rng: np.random.Generator) -> bytes:
+    """One to eight damages anywhere: bytes changed, lost, repeated, moved, cut off; scraps and long numbers put in."""
     for _ in range(int(rng.integers(1, 9))):
-        at = int(rng.integers(len(data)))
-        kind = rng.integers(6)
-        if kind == 0:
-            data[at] = int(rng.integers(256))
-        elif kind == 1:
-            del data[at : at + int(rng.integers(1, 40))]
-        elif kind == 2:
-            data[at:at] = data[: int(rng.integers(1, 200))]
-        elif kind == 3:
-            data[at:at] = b"9" * int(rng.integers(1, 400))
-        elif kind == 4:
-            del data[at:]
-        else:
-            data[at:at] = (b"-->", b"\n\n", b"[", b"(((((", b"\xff\xfe", b"nan", b"\0\0")[rng.integers(7)]
         if not data:
             break
+        at, size = int(rng.integers(len(data))), int(rng.integers(1, 200))
+        match int(rng.integers(8)):
+            case 0:
+                data[at] = int(rng.integers(256))
+            case 1:
+                del data[at : at + size]
+            case 2:
+                data[at:at] = data[:size]
+            case 3:
+                data[at:at] = b"9" * (2 * size)
+            case 4:
+                del data[at:]
+            case 5:
+                taken = bytes(data[at : at + size])
+                del data[at : at + size]
+                data += taken
+            case 6:
+                data[at : at + size] = bytes(rng.integers(0, 256, size, dtype=np.uint8))
+            case _:
+                data[at:at] = SCRAPS[rng.integers(len(SCRAPS))]
     return bytes(data)
 
 
-def read_all(folder: Path, count: int, first: int) -> tuple[int, int]:
-    path, read, refused = folder / "drone.srt", 0, 0
+def a_file(path: Path, rng: np.random.Generator) -> None:
+    rows = demo.at_rate(FLIGHT, float(rng.choice([0.2, 0.5, 1.0])))
+    line_end = str(rng.choice(["\n", "\r\n", "\r"]))
+    dji_subtitles.write(
+        path, rows, TEXTS[rng.integers(len(TEXTS))], ENCODINGS[rng.integers(len(ENCODINGS))], line_end
+    )
+
+
+def outcome(path: Path) -> str:
+    """``read`` or ``refused``; what is read is possible."""
+    telemetry = Telemetry.model_validate(
+        {"file": path, "height": "relative", "gimbal": {"pitch": {"degrees": -45}, "yaw": "course"}}
+    )
+    started = time.perf_counter()
+    try:
+        track = read_telemetry(telemetry)
+        assert (np.diff(track.times_s) > 0).all()
+        assert not (np.abs(track.latitude_deg) > 90.0).any()
+        trajectory = trajectory_of(track, telemetry, FRAME, GROUND)
+        for time_s in (0.0, 1.5, 20.0, 1e6):
+            pose = trajectory.pose(time_s)
+            assert pose is None or np.isfinite(pose.position_enu).all()
+        result = "read"
+    except InputError as error:
+        result = "refused" if str(error).count("\n") == 0 else "more than a line"
+    assert time.perf_counter() - started < MOST_S, f"{path} took too long"
+    return result
+
+
+def outcomes(folder: Path, count: int, first: int) -> Counter[str]:
+    path, seen = folder / "drone.srt", Counter[str]()
     for number in range(first, first + count):
-        path.write_bytes(mutated(np.random.default_rng([SEED, number])))
-        started = time.perf_counter()
+        rng = np.random.default_rng([SEED, number])
+        a_file(path, rng)
+        path.write_bytes(mutated(bytearray(path.read_bytes()), rng))
         try:
-            track = read_dji_srt(path)
-        except InputError as error:
-            refused += str(error).count("\n") == 0
-        else:
-            assert (np.diff(track.times_s) > 0).all()
-            assert not (np.abs(track.latitude_deg) > 90.0).any()
-            read += 1
-        assert time.perf_counter() - started < MOST_S, number
-    return read, refused
+            seen[outcome(path)] += 1
+        except Exception as error:
+            raise AssertionError(f"file {number}: {error!r}") from error
+    return seen
 
 
 def test_a_mutated_file_is_read_or_refused_in_one_line(tmp_path: Path) -> None:
-    read, refused = read_all(tmp_path, 200, first=0)
-    assert read > 50
-    assert refused > 0
+    seen = outcomes(tmp_path, 200, first=0)
+    assert seen["read"] > 100
+    assert seen["refused"] > 0
+    assert set(seen) == {"read", "refused"}
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(1200)
 def test_ten_thousand_mutated_files(tmp_path: Path) -> None:
-    assert sum(read_all(tmp_path, 10_000, first=1000)) == 10_000
+    seen = outcomes(tmp_path, 10_000, first=1000)
+    print(dict(seen))
+    assert seen["read"] + seen["refused"] == 10_000
+
+
+def test_a_mutated_text_track_is_read_or_refused_in_one_line(tmp_path: Path) -> None:
+    whole = tmp_path / "whole.mp4"
+    video_text_track.write(whole, demo.DEMO / "drone-1.mp4", FLIGHT, dji_subtitles.brackets)
+    data, path = whole.read_bytes(), tmp_path / "drone.mp4"
+    moov = data.rindex(b"moov")
+    for number in range(40):
+        rng = np.random.default_rng([SEED, 1, number])
+        # the index, where a wrong byte does the most harm
+        path.write_bytes(data[:moov] + mutated(bytearray(data[moov:]), rng))
+        assert outcome(path) in ("read", "refused")

@@ -26,6 +26,11 @@ class Cue:
     text: str
 
 
+def without_tags(text: str) -> str:
+    """Text without the formatting of subtitles, line ends as ``\\n``."""
+    return _TAG.sub("", text.replace("\0", "").replace("\r\n", "\n").replace("\r", "\n"))
+
+
 def cues_of(path: object, text: str) -> list[Cue]:
     """The cues in the order of the file, without formatting tags; a damaged one does not end the file."""
     found = list(_ARROW_LINE.finditer(text))

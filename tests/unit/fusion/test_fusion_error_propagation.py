@@ -93,6 +93,34 @@ def test_a_single_look_is_as_uncertain_as_its_ground_point():
     assert covariance[1, 1] == pytest.approx(GROUND_STD_M**2, rel=0.02)
 
 
+def stated(looks, **sds):
+    return [replace(k, **sds) for k in looks]
+
+
+def test_what_the_telemetry_states_takes_the_place_of_the_missions_own():
+    mission = only(position_bias=1.3, height_bias=2.0, attitude_bias=0.01)
+    own = only(position_bias=0.1, height_bias=4.0, attitude_bias=0.003)
+    looks = stated(passing(), horizontal_sd_m=0.1, height_sd_m=4.0, attitude_sd_rad=0.003)
+    np.testing.assert_allclose(place_covariance(looks, mission), place_covariance(passing(), own), rtol=1e-9)
+    assert variance_factor(looks, mission) == pytest.approx(variance_factor(passing(), own))
+
+
+def test_what_is_not_stated_stays_the_missions_to_the_last_bit():
+    mission = only(position_bias=1.3, height_bias=2.0)
+    part = stated(passing(), horizontal_sd_m=5.0)
+    np.testing.assert_allclose(
+        place_covariance(part, mission), place_covariance(passing(), only(position_bias=5.0, height_bias=2.0))
+    )
+    silent = stated(passing(), horizontal_sd_m=math.nan)
+    assert (place_covariance(silent, mission) == place_covariance(passing(), mission)).all()
+
+
+def test_a_look_that_is_less_sure_of_itself_widens_the_ellipse_of_all():
+    some = [replace(k, horizontal_sd_m=10.0 if i % 3 else math.nan) for i, k in enumerate(passing())]
+    covariances = [place_covariance(k, only(position_bias=1.0)) for k in (passing(), some)]
+    assert 1.0 < np.sqrt(covariances[1][0, 0] / covariances[0][0, 0]) < 10.0
+
+
 def test_looks_that_scatter_more_than_was_stated_widen_the_ellipse():
     rng = np.random.default_rng(3)
     shaken = [replace(k, camera_enu=k.camera_enu + rng.normal(0.0, 0.5, 3)) for k in passing()]
