@@ -56,9 +56,7 @@ def with_resolution(
 def _findings(where: str, steps_m: FloatArray, worth: list[bool], horizontal_sd_m: float) -> list[Finding]:
     named = [
         f"{name} in steps of {step:.2g} m"
-        for name, step, is_worth in zip(
-            ("positions", "heights"), steps_m.tolist(), worth, strict=True
-        )
+        for name, step, is_worth in zip(("positions", "heights"), steps_m.tolist(), worth, strict=True)
         if is_worth
     ]
     text = f"{' and '.join(named)}; the ellipses of places are as much larger"
