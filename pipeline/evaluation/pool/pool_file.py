@@ -91,11 +91,11 @@ def _detector(results: Results, detector: DetectorFile, folder: Path) -> dict[st
         "accuracy_by_size": [row for c in own_codec for row in _by_size(results, c)],
         "accuracy_by_codec": [row for c in cells for row in _with_codec(results, c)],
         "accuracy_by_context": [row for c in own_codec for row in _in_context(results, c)],
-        "times": [_time(t) for t in timings],
+        "times": [time_row(t) for t in timings],
     }
     if detector.card is not None:
         document["card"] = os.path.relpath(detector.card, folder)
-    sharing = _sharing(timings)
+    sharing = sharing_rows(timings)
     return document | ({"sharing": sharing} if sharing else {})
 
 
@@ -150,7 +150,8 @@ def _megabytes(timings: list[SetupTiming]) -> int:
     return math.ceil(max(t.memory_bytes for t in timings) * _MEMORY_MARGIN / 1e6)
 
 
-def _time(timing: SetupTiming) -> dict[str, Any]:
+def time_row(timing: SetupTiming) -> dict[str, Any]:
+    """The pool's row of a measured setup."""
     named = {
         "mean": timing.mean_s,
         "maximum": timing.maximum_s,
@@ -164,7 +165,7 @@ def _time(timing: SetupTiming) -> dict[str, Any]:
     )
 
 
-def _sharing(timings: list[SetupTiming]) -> list[dict[str, Any]]:
+def sharing_rows(timings: list[SetupTiming]) -> list[dict[str, Any]]:
     """The worst factor of all setups."""
     worst: dict[int, float] = {}
     for timing in timings:

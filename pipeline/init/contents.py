@@ -1,0 +1,110 @@
+"""What lies in a folder: videos, telemetry, stills, surface models, search areas; and what is not used, and why."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import rasterio
+from rasterio.errors import RasterioError
+from rasterio.warp import transform_bounds
+
+from pipeline.config.mission import Telemetry
+from pipeline.errors import InputError
+from pipeline.ingest.registry import read_telemetry
+from pipeline.ingest.track import Track
+from pipeline.ingest.video.file import VideoInfo, open_video
+
+VIDEO_ENDINGS = frozenset({".mp4", ".mov", ".mkv", ".avi", ".ts", ".m4v", ".mts"})
+STILL_ENDINGS = frozenset({".jpg", ".jpeg"})
+RASTER_ENDINGS = frozenset({".tif", ".tiff", ".vrt"})
+AREA_ENDINGS = frozenset({".geojson", ".kml", ".kmz"})
+#: a folder with fewer stills is an album, not a flight
+LEAST_STILLS = 5
+#: an SD card's folders are not deeper
+_DEEPEST = 6
+_MOST_FILES = 100_000
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceModel:
+    """bounds_deg: west, south, east, north, WGS84."""
+
+    path: Path
+    bounds_deg: tuple[float, float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Contents:
+    """What was found, each list in the order of the paths. unused: path -> why it is not used."""
+
+    videos: tuple[VideoInfo, ...]
+    telemetry: dict[Path, Track]
+    stills: tuple[Path, ...]
+    surface_models: tuple[SurfaceModel, ...]
+    areas: tuple[Path, ...]
+    unused: dict[Path, str]
+
+
+def contents_of(folder: Path) -> Contents:
+    """Look at every file below a folder. Raises InputError if there is no such folder."""
+    if not folder.is_dir():
+        raise InputError(folder, "no folder", "a folder with video, telemetry and a surface model")
+    videos, telemetry, models, areas = [], {}, [], []
+    stills: dict[Path, int] = {}
+    unused: dict[Path, str] = {}
+    for path in _files(folder):
+        ending = path.suffix.lower()
+        try:
+            if ending in VIDEO_ENDINGS:
+                videos.append(open_video(path))
+            elif ending in STILL_ENDINGS:
+                stills[path.parent] = stills.get(path.parent, 0) + 1
+            elif ending in RASTER_ENDINGS:
+                models.append(_surface_model(path))
+            elif ending in AREA_ENDINGS:
+                areas.append(path)
+            else:
+                telemetry[path] = read_telemetry(Telemetry(file=path))
+        except InputError as error:
+            unused[path] = error.found
+    for album in [f for f, count in stills.items() if count < LEAST_STILLS]:
+        unused[album] = f"{stills.pop(album)} stills; a flight has at least {LEAST_STILLS}"
+    return Contents(tuple(videos), telemetry, tuple(stills), tuple(models), tuple(areas), unused)
+
+
+def _files(folder: Path) -> Iterator[Path]:
+    """Every file that is not hidden, by name; what is ours from an earlier start is not looked at."""
+    count = 0
+    for here, folders, names in os.walk(folder):
+        depth = len(Path(here).relative_to(folder).parts)
+        folders[:] = sorted(f for f in folders if not f.startswith(".") and depth < _DEEPEST)
+        if "summary.json" in names:  # an earlier run's results
+            folders[:], names = [], []
+        for name in sorted(names):
+            count += 1
+            if count > _MOST_FILES:
+                raise InputError(folder, f"more than {_MOST_FILES} files", "the folder of one search")
+            if not name.startswith(".") and name not in OURS:
+                yield Path(here) / name
+
+
+#: what init writes
+OURS = frozenset({"mission.yaml", "inventory.yaml", "pool.yaml"})
+
+
+def _surface_model(path: Path) -> SurfaceModel:
+    """Raises InputError for a raster that is no surface model."""
+    try:
+        with rasterio.open(path) as source:
+            if source.crs is None:
+                raise InputError(path, "a raster without a coordinate reference system", "a surface model")
+            if source.count != 1 or source.dtypes[0] == "uint8":
+                found = f"a picture ({source.count} bands of {source.dtypes[0]}), no surface model"
+                raise InputError(path, found, "one band of heights")
+            bounds = transform_bounds(source.crs, "EPSG:4326", *source.bounds)
+    except RasterioError as error:
+        raise InputError(path, f"no raster that can be read ({type(error).__name__})", "a GeoTIFF") from None
+    return SurfaceModel(path, bounds)
