@@ -14,7 +14,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from actors.commands import allocate, evaluate, experiment, experiment_allocation, fuse, pool
+from actors.commands import allocate, evaluate, experiment, experiment_allocation, fuse, init, pool
 from actors.terminal import progress_bars as _progress
 from actors.terminal import say as _say
 from pipeline.errors import InputError, SearchlightError
@@ -22,6 +22,7 @@ from pipeline.errors import InputError, SearchlightError
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, help=__doc__)
 app.command()(allocate.allocate)
 app.command()(fuse.fuse)
+app.command()(init.init)
 experiment_allocation.register(experiment.app)
 app.add_typer(experiment.app, name="experiment")
 evaluate.register(app)
@@ -64,11 +65,17 @@ def simulate(
 
 
 @app.command()
-def check(mission: Annotated[Path, typer.Argument(help="The mission file (YAML).")]) -> None:
+def check(
+    mission: Annotated[
+        Path | None, typer.Argument(help="The mission file (YAML), or its folder; absent: the only one here.")
+    ] = None,
+) -> None:
     """Find everything that would keep a mission from running, without running it."""
+    from pipeline.mission.find_mission import find_mission
     from pipeline.mission.planning import plan
     from pipeline.mission.prepared import prepare
 
+    mission = find_mission(mission)
     prepared = prepare(mission, thorough=True)
     result = plan(prepared)
     for finding in prepared.findings:
@@ -81,8 +88,15 @@ def check(mission: Annotated[Path, typer.Argument(help="The mission file (YAML).
 
 @app.command()
 def run(
-    mission: Annotated[Path, typer.Argument(help="The mission file (YAML).")],
-    out: Annotated[Path, typer.Option(help="Run directory; new, empty, or of an earlier run.")],
+    mission: Annotated[
+        Path | None, typer.Argument(help="The mission file (YAML), or its folder; absent: the only one here.")
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="Run directory; new, empty, or of an earlier run. Absent: run, beside the mission."
+        ),
+    ] = None,
     pace: Annotated[
         Pace, typer.Option(help="As the video plays, or as fast as this machine can.")
     ] = Pace.MAX,
@@ -99,12 +113,15 @@ def run(
 ) -> None:
     """Detect, fuse and map: from video files to the people found."""
     from actors.mission import RunOptions, run_on_ray
+    from pipeline.mission.find_mission import find_mission
     from pipeline.mission.local import run_local
     from pipeline.mission.planning import plan
     from pipeline.mission.prepared import prepare
     from pipeline.mission.run_directory import write_run_directory
     from pipeline.storage.claim import claimed
 
+    mission = find_mission(mission)
+    out = mission.parent / "run" if out is None else out
     with claimed(out):
         prepared = prepare(mission)
         with _progress("frames") as progress:

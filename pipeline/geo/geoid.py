@@ -66,5 +66,7 @@ def _by_proj(latitude_deg: float, longitude_deg: float) -> float | None:
 def _egm2008():  # type: ignore[no-untyped-def]
     from pyproj.transformer import TransformerGroup
 
-    group = TransformerGroup("EPSG:4979", "EPSG:9518", always_xy=True, allow_ballpark=False)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # that a grid is missing is what is asked here
+        group = TransformerGroup("EPSG:4979", "EPSG:9518", always_xy=True, allow_ballpark=False)
     return group.transformers[0] if group.best_available and group.transformers else None

@@ -53,10 +53,11 @@ def frame_over(section: TerrainSection, tracks: Sequence[Track]) -> LocalFrame:
         edges = bounds_m(files[0], frame)
         if max(abs(edge) for edge in edges) <= _NEAR_ORIGIN_M or not tracks:
             return frame
-    return _middle_of(tracks)
+    return middle_of(tracks)
 
 
-def _middle_of(tracks: Sequence[Track]) -> LocalFrame:
+def middle_of(tracks: Sequence[Track]) -> LocalFrame:
+    """The map frame in the middle of the flights. Raises InputError if they have no position."""
     latitude = np.concatenate([t.latitude_deg for t in tracks])
     longitude = np.concatenate([t.longitude_deg for t in tracks])
     known = np.isfinite(latitude) & np.isfinite(longitude)

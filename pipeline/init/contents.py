@@ -7,12 +7,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-import rasterio
-from rasterio.errors import RasterioError
-from rasterio.warp import transform_bounds
-
+from pipeline.config.camera import load_camera
 from pipeline.config.mission import Telemetry
 from pipeline.errors import InputError
+from pipeline.geo.camera import Camera
+from pipeline.geo.surface_model import SurfaceModel, inspect
 from pipeline.ingest.registry import read_telemetry
 from pipeline.ingest.track import Track
 from pipeline.ingest.video.file import VideoInfo, open_video
@@ -21,19 +20,12 @@ VIDEO_ENDINGS = frozenset({".mp4", ".mov", ".mkv", ".avi", ".ts", ".m4v", ".mts"
 STILL_ENDINGS = frozenset({".jpg", ".jpeg"})
 RASTER_ENDINGS = frozenset({".tif", ".tiff", ".vrt"})
 AREA_ENDINGS = frozenset({".geojson", ".kml", ".kmz"})
+CAMERA_ENDINGS = frozenset({".yaml", ".yml", ".xml"})
 #: a folder with fewer stills is an album, not a flight
 LEAST_STILLS = 5
 #: an SD card's folders are not deeper
 _DEEPEST = 6
 _MOST_FILES = 100_000
-
-
-@dataclass(frozen=True, eq=False)
-class SurfaceModel:
-    """bounds_deg: west, south, east, north, WGS84."""
-
-    path: Path
-    bounds_deg: tuple[float, float, float, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +36,7 @@ class Contents:
     telemetry: dict[Path, Track]
     stills: tuple[Path, ...]
     surface_models: tuple[SurfaceModel, ...]
+    cameras: dict[Path, Camera]
     areas: tuple[Path, ...]
     unused: dict[Path, str]
 
@@ -52,7 +45,7 @@ def contents_of(folder: Path) -> Contents:
     """Look at every file below a folder. Raises InputError if there is no such folder."""
     if not folder.is_dir():
         raise InputError(folder, "no folder", "a folder with video, telemetry and a surface model")
-    videos, telemetry, models, areas = [], {}, [], []
+    videos, telemetry, models, areas, cameras = [], {}, [], [], {}
     stills: dict[Path, int] = {}
     unused: dict[Path, str] = {}
     for path in _files(folder):
@@ -63,16 +56,18 @@ def contents_of(folder: Path) -> Contents:
             elif ending in STILL_ENDINGS:
                 stills[path.parent] = stills.get(path.parent, 0) + 1
             elif ending in RASTER_ENDINGS:
-                models.append(_surface_model(path))
+                models.append(inspect(path))
             elif ending in AREA_ENDINGS:
                 areas.append(path)
+            elif ending in CAMERA_ENDINGS:
+                cameras[path] = load_camera(path)
             else:
                 telemetry[path] = read_telemetry(Telemetry(file=path))
         except InputError as error:
             unused[path] = error.found
     for album in [f for f, count in stills.items() if count < LEAST_STILLS]:
         unused[album] = f"{stills.pop(album)} stills; a flight has at least {LEAST_STILLS}"
-    return Contents(tuple(videos), telemetry, tuple(stills), tuple(models), tuple(areas), unused)
+    return Contents(tuple(videos), telemetry, tuple(stills), tuple(models), cameras, tuple(areas), unused)
 
 
 def _files(folder: Path) -> Iterator[Path]:
@@ -82,7 +77,8 @@ def _files(folder: Path) -> Iterator[Path]:
         depth = len(Path(here).relative_to(folder).parts)
         folders[:] = sorted(f for f in folders if not f.startswith(".") and depth < _DEEPEST)
         if "summary.json" in names:  # an earlier run's results
-            folders[:], names = [], []
+            folders[:] = []
+            continue
         for name in sorted(names):
             count += 1
             if count > _MOST_FILES:
@@ -93,18 +89,3 @@ def _files(folder: Path) -> Iterator[Path]:
 
 #: what init writes
 OURS = frozenset({"mission.yaml", "inventory.yaml", "pool.yaml"})
-
-
-def _surface_model(path: Path) -> SurfaceModel:
-    """Raises InputError for a raster that is no surface model."""
-    try:
-        with rasterio.open(path) as source:
-            if source.crs is None:
-                raise InputError(path, "a raster without a coordinate reference system", "a surface model")
-            if source.count != 1 or source.dtypes[0] == "uint8":
-                found = f"a picture ({source.count} bands of {source.dtypes[0]}), no surface model"
-                raise InputError(path, found, "one band of heights")
-            bounds = transform_bounds(source.crs, "EPSG:4326", *source.bounds)
-    except RasterioError as error:
-        raise InputError(path, f"no raster that can be read ({type(error).__name__})", "a GeoTIFF") from None
-    return SurfaceModel(path, bounds)

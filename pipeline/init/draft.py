@@ -14,8 +14,10 @@ import yaml
 
 from pipeline.config.base import FORMAT_VERSION
 from pipeline.config.mission import Datum
+from pipeline.geo.frame import LocalFrame
+from pipeline.geo.surface_model import SurfaceModel, bounds_m
+from pipeline.ingest.ground import window_about
 from pipeline.ingest.track import Track
-from pipeline.init.contents import SurfaceModel
 
 SITE = "here"
 #: the placeholder of what only a person can know
@@ -24,8 +26,8 @@ FILL_IN = "FILL IN"
 _MOST_RATE_HZ = 5.0
 #: cells (m) by how well positions are known: looks scatter over cells that are finer than their error
 _FINE_CELL_M, _COARSE_CELL_M, _FINE_SD_M = 0.5, 2.0, 0.1
-#: a surface model farther than this from every flight shows nothing of it, degrees of latitude (about 1 km)
-_REACH_DEG = 0.01
+#: a surface model farther than this from every flight shows nothing of it, metres
+_REACH_M = 1000.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +48,7 @@ class StreamDraft:
     height_datum: Datum | None = None
     height_reason: str = ""
     gimbal: bool = False
-    camera: str = ""
+    camera: Path | str = ""
     camera_reason: str = ""
     rate_hz: float = _MOST_RATE_HZ
     track: Track | None = None
@@ -63,20 +65,20 @@ class MissionDraft:
     unused: dict[Path, str] = field(default_factory=dict)
 
 
-def near_flights(models: Sequence[SurfaceModel], tracks: Sequence[Track]) -> list[SurfaceModel]:
+def near_flights(
+    models: Sequence[SurfaceModel], tracks: Sequence[Track], frame: LocalFrame
+) -> list[SurfaceModel]:
     """The surface models that some flight is over or near; all of them if no flight is known."""
-    if not tracks:
+    window = window_about(tracks, frame, _REACH_M)
+    if window is None:
         return list(models)
-    return [m for m in models if any(_is_near(m.bounds_deg, track) for track in tracks)]
-
-
-def _is_near(bounds_deg: tuple[float, float, float, float], track: Track) -> bool:
-    west, south, east, north = bounds_deg
-    latitude, longitude = track.latitude_deg, track.longitude_deg
-    wide_deg = _REACH_DEG / max(0.01, float(np.cos(np.radians(np.nanmean(latitude)))))
-    across = (longitude >= west - wide_deg) & (longitude <= east + wide_deg)
-    along = (latitude >= south - _REACH_DEG) & (latitude <= north + _REACH_DEG)
-    return bool((across & along).any())
+    west, south, east, north = window
+    near = []
+    for model in models:
+        edges = bounds_m(model.path, frame)
+        if edges[0] < east and edges[2] > west and edges[1] < north and edges[3] > south:
+            near.append(model)
+    return near
 
 
 def mission_text(draft: MissionDraft, folder: Path) -> str:

@@ -42,15 +42,23 @@ def choose_height(
     takeoff_m = float(np.nanmedian(track.absolute_height_m - track.relative_height_m))
     if ground_m is None:
         return HeightChoice("absolute", track.height_datum, "no ground is known that would say better")
-    other: Datum = "geoid" if terrain_datum == "ellipsoid" else "ellipsoid"
-    sign = 1.0 if terrain_datum == "ellipsoid" else -1.0
-    off = {terrain_datum: takeoff_m - ground_m, other: takeoff_m + sign * undulation_m - ground_m}
-    datum = track.height_datum or min(off, key=lambda name: abs(off[name]))
-    if abs(off[datum]) <= _AGREES_M:
-        reason = f"above the {datum}, take-off is {off[datum]:+.1f} m from the ground under the first sample"
+    off_m = _off_ground(takeoff_m - ground_m, terrain_datum, undulation_m)
+    nearest, _ = min(off_m.items(), key=lambda item: abs(item[1]))
+    datum = track.height_datum or nearest
+    if abs(off_m[datum]) <= _AGREES_M:
+        reason = (
+            f"above the {datum}, take-off is {off_m[datum]:+.1f} m from the ground under the first sample"
+        )
         return HeightChoice("absolute", datum, reason)
     reason = (
-        f"absolute heights would put take-off {off[datum]:+.1f} m from the ground under the first sample, "
+        f"absolute heights would put take-off {off_m[datum]:+.1f} m from the ground under the first sample, "
         "so heights count from that ground"
     )
     return HeightChoice("relative", None, reason)
+
+
+def _off_ground(difference_m: float, terrain_datum: Datum, undulation_m: float) -> dict[Datum, float]:
+    """Take-off above the ground, by the datum that the telemetry's heights may count from."""
+    if terrain_datum == "ellipsoid":
+        return {"ellipsoid": difference_m, "geoid": difference_m + undulation_m}
+    return {"geoid": difference_m, "ellipsoid": difference_m - undulation_m}

@@ -10,13 +10,18 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
+from pipeline.config.mission import Datum
 from pipeline.errors import InputError
-from pipeline.geo.terrain import Terrain, frame_of, load_terrain
+from pipeline.geo.frame import LocalFrame
+from pipeline.geo.geoid import undulation_m
+from pipeline.geo.surface_model import SurfaceModel
+from pipeline.geo.terrain import load_terrain
+from pipeline.ingest.ground import middle_of
 from pipeline.ingest.track import Track
 from pipeline.ingest.video.file import VideoInfo, read_frames
+from pipeline.ingest.video.metadata import created_ns
 from pipeline.init.contents import OURS, Contents, contents_of
 from pipeline.init.draft import (
-    FILL_IN,
     SITE,
     MissionDraft,
     StreamDraft,
@@ -28,10 +33,12 @@ from pipeline.init.draft import (
 from pipeline.init.heights import HeightChoice, choose_height
 from pipeline.init.machine import inventory_document, write_measured_pool
 from pipeline.init.pairing import Pair, pair
-from pipeline.init.recordings import created_ns, in_rows
+from pipeline.init.recordings import in_rows
 from pipeline.storage.whole_or_nothing import write_text
 
 Progress = Callable[[str, int, int], None]
+#: of ground that is looked at to know the height of a take-off, metres
+_ABOUT_M = 20.0
 _CAMERA = "{field_of_view: {degrees: FILL IN, of: horizontal}}"
 
 
@@ -63,23 +70,27 @@ def init_mission(folder: Path, progress: Progress) -> InitResult:
 
 def draft_of(folder: Path, contents: Contents) -> MissionDraft:
     """What the mission says, apart from how it is written."""
-    began_ns = [created_ns(video) for video in contents.videos]
+    began_ns = [created_ns(video.path) for video in contents.videos]
     pairs = pair(contents.videos, contents.telemetry, began_ns)
     used = {p.telemetry for p in pairs if p.telemetry is not None}
-    tracks = [contents.telemetry[path] for path in used]
-    near = near_flights(contents.surface_models, tracks)
+    tracks = [contents.telemetry[path] for path in sorted(used)]
+    near: list[SurfaceModel] = list(contents.surface_models)
+    ground = None
+    if tracks and near:
+        frame = middle_of(tracks)
+        near = near_flights(near, tracks, frame)
+        ground = _ground_under(near, frame)
     unused = dict(contents.unused)
     unused |= {
         m.path: "a surface model far from every flight" for m in contents.surface_models if m not in near
     }
     unused |= {path: "telemetry that fits no video" for path in contents.telemetry if path not in used}
     unused |= dict.fromkeys(contents.areas[1:], "a second search area")
-    terrain = _terrain(near[0].path) if near else None
     streams: list[StreamDraft] = []
     for row in in_rows(contents.videos, began_ns):
         videos = [contents.videos[k] for k in row]
         name = stream_name(videos[0].path, [s.id for s in streams])
-        streams.append(_stream(name, videos, pairs[row[0]], contents, terrain))
+        streams.append(_stream(name, videos, pairs[row[0]], contents, ground))
     for stills in contents.stills:
         name = stream_name(stills, [s.id for s in streams])
         streams.append(StreamDraft(id=name, stills=stills))
@@ -88,10 +99,11 @@ def draft_of(folder: Path, contents: Contents) -> MissionDraft:
 
 
 def _stream(
-    name: str, videos: list[VideoInfo], found: Pair, contents: Contents, terrain: Terrain | None
+    name: str, videos: list[VideoInfo], found: Pair, contents: Contents, ground: Ground | None
 ) -> StreamDraft:
     track = None if found.telemetry is None else contents.telemetry[found.telemetry]
-    height = HeightChoice("absolute", None, "") if track is None else _height(track, terrain)
+    height = HeightChoice("absolute", None, "") if track is None else _height(track, ground)
+    camera, reason = _camera(videos[0], contents)
     return StreamDraft(
         id=name,
         videos=tuple(v.path for v in videos),
@@ -102,27 +114,55 @@ def _stream(
         height_datum=height.height_datum,
         height_reason=height.reason,
         gimbal=track is not None and bool(np.isnan(track.pitch_rad).all()),
-        camera=_CAMERA,
-        camera_reason=f"{FILL_IN}: the camera is not known; its angle of view is on its data sheet",
+        camera=camera,
+        camera_reason=reason,
         rate_hz=min(v.frame_rate for v in videos),
         track=track,
     )
 
 
-def _height(track: Track, terrain: Terrain | None) -> HeightChoice:
-    ground_m = None
-    if terrain is not None:
-        known = np.flatnonzero(np.isfinite(track.latitude_deg))
-        east, north = terrain.frame.enu_from_wgs84(
-            track.latitude_deg[known[:1]], track.longitude_deg[known[:1]]
+def _camera(video: VideoInfo, contents: Contents) -> tuple[Path | str, str]:
+    """The calibration that lies there and fits the video's pictures, or what a person must fill in."""
+    fitting = [p for p, c in contents.cameras.items() if (c.width, c.height) == (video.width, video.height)]
+    if len(fitting) == 1:
+        return fitting[0], ""
+    why = f"{len(fitting)} calibrations fit its pictures" if fitting else "the camera is not known"
+    return _CAMERA, f"{why}; its angle of view is on its data sheet"
+
+
+def _height(track: Track, ground: Ground | None) -> HeightChoice:
+    known = np.flatnonzero(np.isfinite(track.latitude_deg))
+    latitude, longitude = float(track.latitude_deg[known[0]]), float(track.longitude_deg[known[0]])
+    height_m = float("nan") if ground is None else ground.height_m(latitude, longitude)
+    datum = "ellipsoid" if ground is None else ground.datum
+    return choose_height(
+        track, None if np.isnan(height_m) else height_m, datum, undulation_m(latitude, longitude)[0]
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Ground:
+    """datum: of the surface model's heights. height_m(latitude, longitude): of the ground, NaN where unknown."""
+
+    datum: Datum
+    height_m: Callable[[float, float], float]
+
+
+def _ground_under(models: list[SurfaceModel], frame: LocalFrame) -> Ground | None:
+    if not models:
+        return None
+
+    def height_m(latitude_deg: float, longitude_deg: float) -> float:
+        east, north = (
+            float(v) for v in frame.enu_from_wgs84(np.array(latitude_deg), np.array(longitude_deg))
         )
-        height_m = terrain.height(float(east[0]), float(north[0])) if len(known) else float("nan")
-        ground_m = None if np.isnan(height_m) else height_m
-    return choose_height(track, ground_m, "ellipsoid", 0.0)
+        window = (east - _ABOUT_M, north - _ABOUT_M, east + _ABOUT_M, north + _ABOUT_M)
+        try:
+            return load_terrain(models, 1.0, frame, window).height(east, north)
+        except InputError:  # nothing is known just there
+            return float("nan")
 
-
-def _terrain(path: Path) -> Terrain:
-    return load_terrain(path, 2.0, frame_of(path))
+    return Ground(models[0].datum or "ellipsoid", height_m)
 
 
 def _first_picture(contents: Contents) -> NDArray[np.uint8]:

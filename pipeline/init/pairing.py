@@ -15,13 +15,13 @@ from pipeline.ingest.video.file import VideoInfo
 
 #: weights of the evidence against a pair; a name says less than a length or a date that does not fit
 _OTHER_NAME, _OTHER_FOLDER = 1.0, 0.3
-#: a subtitle file ends with its video, but for a cue or two
-_LENGTH_TOLERANCE_S = 2.0
+#: a subtitle file ends with its video, but for a cue
+_LENGTH_TOLERANCE_S = 1.2
 #: local time is off by whole quarters of an hour; clocks of camera and drone by seconds
 _ZONE_STEP_S, _DATE_TOLERANCE_S = 900.0, 5.0
 _MOST = 10.0
-#: a pair that has so much against it is none
-_NO_PAIR = 12.0
+#: a pair that has so much against it is none; of one name it takes length and date together
+_NO_PAIR, _NO_PAIR_OF_ONE_NAME = 9.5, 15.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,8 +62,13 @@ def against(video: VideoInfo, path: Path, track: Track, created_ns: int | None) 
     return name + folder + _length(video, track) + _date(track, created_ns)
 
 
+def span_of(track: Track) -> float:
+    """Seconds from the first sample to the end of the last one."""
+    return float((track.times_s[-1] if track.end_s is None else track.end_s) - track.times_s[0])
+
+
 def _length(video: VideoInfo, track: Track) -> float:
-    span_s = float(track.times_s[-1] - track.times_s[0])
+    span_s = span_of(track)
     if not track.tied_to_video:  # a flight log may hold much more than the recording, not less
         return _MOST if span_s + _LENGTH_TOLERANCE_S < video.duration_s else 0.0
     excess_s = max(0.0, abs(span_s - video.duration_s) - _LENGTH_TOLERANCE_S)
@@ -90,13 +95,16 @@ def _pair(
     cost: list[float],
     telemetry: Mapping[Path, Track],
 ) -> Pair:
-    if chosen is None or cost[chosen] >= _NO_PAIR:
+    if chosen is None:
         return Pair(number, None)
     path = paths[chosen]
+    one_name = path.stem.lower() == video.path.stem.lower()
+    if cost[chosen] >= (_NO_PAIR_OF_ONE_NAME if one_name else _NO_PAIR):
+        return Pair(number, None)
     namesake = next((k for k, p in enumerate(paths) if p.stem.lower() == video.path.stem.lower()), None)
     if namesake is None or namesake == chosen:
         return Pair(number, path)
-    spans = [float(telemetry[p].times_s[-1] - telemetry[p].times_s[0]) for p in (path, paths[namesake])]
+    spans = [span_of(telemetry[p]) for p in (path, paths[namesake])]
     reason = (
         f"by length and date, not by name: {path.name} covers {spans[0]:.1f} s and {paths[namesake].name} "
         f"{spans[1]:.1f} s of a video of {video.duration_s:.1f} s"

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from datetime import UTC, datetime
-
-import av
 
 from pipeline.ingest.video.file import VideoInfo
 
@@ -15,26 +12,6 @@ _SEAM_S = 2.5
 _NUMBER = re.compile(r"(\d+)(?!.*\d)")
 #: what cameras write before they cut
 _CUT_BYTES = 3.5e9
-
-
-def created_ns(video: VideoInfo) -> int | None:
-    """When the recording began by the container's own metadata, ns since 1970, or None."""
-    try:
-        with av.open(str(video.path)) as container:
-            text = container.metadata.get("creation_time", "")
-    except av.FFmpegError:
-        return None
-    return _ns_of(text)
-
-
-def _ns_of(text: str) -> int | None:
-    try:
-        moment = datetime.fromisoformat(text)
-    except ValueError:
-        return None
-    if moment.year < 1990:  # a camera whose clock was never set writes 1904 or 1970
-        return None
-    return round((moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp() * 1e9)
 
 
 def in_rows(videos: Sequence[VideoInfo], began_ns: Sequence[int | None]) -> list[list[int]]:
