@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
-from pipeline.config.mission import Column, Table, Telemetry
+from pipeline.config.mission import COLUMN_QUANTITIES, Column, Table, Telemetry
 from pipeline.errors import InputError
 from pipeline.ingest.registry import read_telemetry
 from pipeline.ingest.tables.cells import degrees, flags, nmea_degrees, number
@@ -250,3 +252,12 @@ def test_flags_units_and_dates() -> None:
     assert is_month_first(["3/4/2026"]) == (True, True)
     assert moment("2026-02-30 10:00:00", month_first=False) is None
     assert moment("25:00:00", month_first=False) is None
+
+
+def test_the_example_of_the_documentation_is_a_valid_section() -> None:
+    page = (Path(__file__).parents[3] / "docs/telemetry.md").read_text(encoding="utf-8")
+    example = page.split("### A table of one's own\n\n")[1].split("\n\nWithout")[0]
+    telemetry = Telemetry(**yaml.safe_load(textwrap.dedent(example))["telemetry"])
+    assert telemetry.columns["roll"].name == 7
+    for quantity in COLUMN_QUANTITIES:
+        assert f"`{quantity}`" in page, quantity
