@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -138,12 +139,29 @@ class Mounting(Strict):
     roll: Radians = 0.0
 
 
+def _require_known_quantities(columns: Mapping[str, Column]) -> None:
+    for quantity in columns:
+        if quantity not in COLUMN_QUANTITIES:
+            expected = "one of " + ", ".join(COLUMN_QUANTITIES)
+            raise mismatch("an unknown quantity", expected, ("columns", quantity))
+
+
 class Angles(Strict):
-    """A second file, from which the camera's angles are taken. time_offset: as of the telemetry."""
+    """A second file, from which the camera's angles are taken. columns, table: as of the telemetry.
+
+    time_offset: added to the file's time to get the video's; absent: by the dates of both files.
+    """
 
     file: Path
     format: str = "auto"
-    time_offset: Seconds = 0.0
+    time_offset: Seconds | None = None
+    columns: dict[str, Column] = Field(default_factory=dict)
+    table: Table = Table()
+
+    @model_validator(mode="after")
+    def _columns_are_known(self) -> Angles:
+        _require_known_quantities(self.columns)
+        return self
 
 
 class Telemetry(Strict):
@@ -176,10 +194,7 @@ class Telemetry(Strict):
 
     @model_validator(mode="after")
     def _columns_are_known(self) -> Telemetry:
-        for quantity in self.columns:
-            if quantity not in COLUMN_QUANTITIES:
-                expected = "one of " + ", ".join(COLUMN_QUANTITIES)
-                raise mismatch("an unknown quantity", expected, ("columns", quantity))
+        _require_known_quantities(self.columns)
         return self
 
 
@@ -400,6 +415,13 @@ class Mission(Strict):
         return self
 
 
+def _resolved(telemetry: Telemetry, base: Path) -> Telemetry:
+    angles = telemetry.angles
+    if angles is not None:
+        angles = angles.model_copy(update={"file": base / angles.file})
+    return telemetry.model_copy(update={"file": base / telemetry.file, "angles": angles})
+
+
 def load_mission(path: Path) -> Mission:
     """Read and validate a mission file; all paths come back resolved against it."""
     mission = load(path, Mission)
@@ -409,7 +431,7 @@ def load_mission(path: Path) -> Mission:
             update={
                 "video": base / s.video,
                 "camera": base / s.camera,
-                "telemetry": s.telemetry.model_copy(update={"file": base / s.telemetry.file}),
+                "telemetry": _resolved(s.telemetry, base),
             }
         )
         for s in mission.streams

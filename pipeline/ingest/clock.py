@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.config.mission import Telemetry
+from pipeline.config.mission import Angles, Telemetry
 from pipeline.errors import InputError
 from pipeline.ingest.track import Track
 from pipeline.messages import FloatArray
@@ -62,6 +62,21 @@ def align(
         else "telemetry.utc_offset or telemetry.time_offset"
     )
     raise InputError(where, f"{found}, of {span_s:.0f} s beside a video of {video_s:.0f} s", expected)
+
+
+def on_the_videos_clock(angles: Track, stated: Angles, track: Track, alignment: Alignment) -> Track:
+    """A track of angles with its times on the video's clock.
+
+    track, alignment: of the positions. Raises InputError if neither the mission nor the dates of both tell it.
+    """
+    if stated.time_offset is not None or angles.tied_to_video:
+        return replace(angles, times_s=angles.times_s + (stated.time_offset or 0.0))
+    if "unknown" in (angles.clock, track.clock) or angles.clock != track.clock:
+        found = f"angles whose clock is {angles.clock}, and positions whose clock is {track.clock}"
+        raise InputError(stated.file, found, "telemetry.angles.time_offset")
+    apart_s = (angles.start_time_ns - track.start_time_ns) * 1e-9
+    first_s = float(track.times_s[0]) + alignment.offset_s + apart_s
+    return replace(angles, times_s=angles.times_s - angles.times_s[0] + first_s)
 
 
 def recordings_s(track: Track) -> list[tuple[float, float]]:

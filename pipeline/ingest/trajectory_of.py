@@ -44,7 +44,7 @@ def trajectory_of(
     offset_s: float | None = None,
     angles: Track | None = None,
 ) -> Trajectory:
-    """The way of the camera. angles: the track of ``telemetry.angles``, if the mission names one.
+    """The way of the camera. angles: the track of ``telemetry.angles``, on the video's clock, if there is one.
 
     offset_s: added to the track's times to get the video's; absent, the mission's time_offset. Raises InputError
     for a position, a height or an angle that nothing tells, with what to write.
@@ -170,9 +170,8 @@ def _angles(
     """Yaw, pitch and roll (N, 3) of the camera, NaN where nothing tells them; and the error of a yaw by course."""
     gimbal, mounting = telemetry.gimbal, telemetry.mounting
     if other is not None and telemetry.angles is not None:
-        own_s = other.times_s + telemetry.angles.time_offset
         own = (other.yaw_rad, other.pitch_rad, other.roll_rad)
-        columns = [_at(times_s, own_s, values, telemetry.longest_gap) for values in own]
+        columns = [_at(times_s, other.times_s, values, telemetry.longest_gap) for values in own]
     else:
         columns = [track.yaw_rad[known], track.pitch_rad[known], track.roll_rad[known]]
     yaw, course_sd_rad = _yaw(columns[0], gimbal, track, known, way, telemetry)

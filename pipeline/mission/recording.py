@@ -10,7 +10,7 @@ from pipeline.config.mission import Mission, Stream, Telemetry
 from pipeline.errors import InputError
 from pipeline.geo.camera import Camera
 from pipeline.geo.frame import LocalFrame
-from pipeline.ingest.clock import Alignment, align
+from pipeline.ingest.clock import Alignment, align, on_the_videos_clock
 from pipeline.ingest.finding import Finding
 from pipeline.ingest.registry import read_telemetry
 from pipeline.ingest.track import Track
@@ -73,7 +73,8 @@ def read_recording(path: Path, mission: Mission, stream: Stream, thorough: bool)
     if stream.telemetry.angles is not None:
         with faults.collected():
             own = stream.telemetry.angles
-            angles = read_telemetry(Telemetry(file=own.file, format=own.format))
+            kept = Telemetry(file=own.file, format=own.format, columns=own.columns, table=own.table)
+            angles = read_telemetry(kept)
     faults.raise_if_any()
     if (video.width, video.height) != (camera.width, camera.height):
         raise InputError(
@@ -84,4 +85,6 @@ def read_recording(path: Path, mission: Mission, stream: Stream, thorough: bool)
     alignment = align(
         track, stream.telemetry, video.duration_s, created_ns(stream.video), stream.telemetry.file
     )
+    if angles is not None and stream.telemetry.angles is not None:
+        angles = on_the_videos_clock(angles, stream.telemetry.angles, track, alignment)
     return Recording(stream, video, track, angles, camera, alignment)

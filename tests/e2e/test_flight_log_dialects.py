@@ -93,6 +93,32 @@ def test_every_dialect_gives_the_demos_poses(tmp_path: Path, theirs: Filmed, dia
             assert np.abs(pose.enu_from_camera - true.enu_from_camera).max() < 0.01
 
 
+def test_positions_of_one_log_and_angles_of_another_meet_by_their_dates(
+    tmp_path: Path, theirs: Filmed
+) -> None:
+    """The log of the positions says that the gimbal stood still; paths are relative to the mission's file."""
+    path = mission_in(tmp_path / "demo", "airdata")
+    mission = yaml.safe_load(path.read_text())
+    angles = {
+        name: mission_column for name, mission_column in column_table.COLUMNS.items() if "itude" not in name
+    }
+    del angles["absolute_height"]
+    for stream in mission["streams"]:
+        track = ten_hertz(read_dji_srt(path.parent / f"{stream['id']}.srt"))
+        column_table.write(path.parent / f"{stream['id']}-gimbal.csv", track)
+        still = replace(track, pitch_rad=np.zeros_like(track.pitch_rad), yaw_rad=np.ones_like(track.yaw_rad))
+        airdata_csv.write(path.parent / f"{stream['id']}.csv", still)
+        stream["telemetry"]["angles"] = {"file": f"{stream['id']}-gimbal.csv", "columns": dict(angles)}
+    path.write_text(yaml.safe_dump(mission))
+    ours = filmed(path)
+    for one, other in zip(ours.streams, theirs.streams, strict=True):
+        for time_s in np.arange(0.5, 46.0, 1.3):
+            pose, true = one.trajectory.pose(float(time_s)), other.trajectory.pose(float(time_s))
+            assert pose is not None
+            assert true is not None
+            assert np.abs(pose.enu_from_camera - true.enu_from_camera).max() < 0.01
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(600)
 @pytest.mark.parametrize("dialect", DIALECTS)

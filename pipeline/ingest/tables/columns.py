@@ -61,7 +61,8 @@ def _require_columns(table: DelimitedTable, columns: dict[str, Column]) -> None:
         if table.index(column.name) is None:
             names = ", ".join(table.names[:12]) + (", .." if len(table.names) > 12 else "")
             raise InputError(f"{where}.{quantity}.name", f"no column {column.name!r}", f"one of {names}")
-    for quantity in ("time", "latitude", "longitude"):
+    angles_only = not {"latitude", "longitude"} & columns.keys() and {"yaw", "pitch"} & columns.keys()
+    for quantity in ("time",) if angles_only else ("time", "latitude", "longitude"):
         if quantity not in columns and not (quantity == "time" and "elapsed" in columns):
             raise InputError(where, f"no {quantity}", f"{quantity}: {{name: its column}}")
 

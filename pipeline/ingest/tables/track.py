@@ -44,7 +44,9 @@ def _samples(read: TableColumns, times: SampleTimes) -> list[Sample]:
     """The rows that have a time and a fix; others are counted in the table."""
     table = read.table
     needed = max(table.index(read.columns[name].name) or 0 for name in _NEEDED if name in read.columns)
-    no_fix = without_fix(read.get("latitude"), read.get("longitude"), read.values, read.assumed).tolist()
+    no_fix = [False] * len(table.rows)
+    if "latitude" in read.values:
+        no_fix = without_fix(read.get("latitude"), read.get("longitude"), read.values, read.assumed).tolist()
     names = [name for name in FIELDS if name in read.values]
     cells = np.stack([read.values[name] for name in names], axis=1)
     held = np.isfinite(cells)

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.config.mission import Telemetry
+from pipeline.config.mission import Angles, Telemetry
 from pipeline.errors import InputError
-from pipeline.ingest.clock import align, recordings_s
+from pipeline.ingest.clock import Alignment, align, on_the_videos_clock, recordings_s
 from pipeline.ingest.track import Track
 
 START_NS = 1_700_000_000 * 10**9
@@ -73,3 +73,18 @@ def test_a_log_that_lasts_as_long_as_its_video_began_with_it() -> None:
 def test_recordings_are_the_runs_of_the_flag() -> None:
     assert recordings_s(recording((0, 3), (98, 100))) == [(5.0, 3.0), (103.0, 2.0)]
     assert recordings_s(log()) == []
+
+
+def test_angles_of_another_file_meet_the_positions_by_the_dates_of_both() -> None:
+    """The angles' log began 20 s after the positions' one, whose time 5 s is the video's 2 s."""
+    angles = replace(log(), start_time_ns=START_NS + 20 * 10**9, times_s=700.0 + np.arange(101))
+    stated = Angles.model_validate({"file": "gimbal.csv"})
+    shifted = on_the_videos_clock(angles, stated, log(), Alignment(-3.0))
+    assert (shifted.times_s[0], shifted.times_s[-1]) == (22.0, 122.0)
+
+
+def test_angles_without_a_date_are_asked_about() -> None:
+    stated = Angles.model_validate({"file": "gimbal.csv"})
+    for clock in ("unknown", "local"):
+        with pytest.raises(InputError, match=f"angles whose clock is {clock}.*angles.time_offset"):
+            on_the_videos_clock(replace(log(), clock=clock), stated, log(), Alignment(0.0))  # type: ignore[arg-type]

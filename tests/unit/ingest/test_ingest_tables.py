@@ -169,6 +169,16 @@ def test_times_without_a_unit_are_asked_about(tmp_path: Path) -> None:
         read(tmp_path / "own.csv", text, {"time": {"name": "t", "unit": "fortnights"}, **PLAIN})
 
 
+def test_a_table_of_angles_alone_is_read_without_positions(tmp_path: Path) -> None:
+    text = "t,pan,tilt\n2026-06-14T09:30:00Z,10,-45\n2026-06-14T09:30:01Z,11,\n2026-06-14T09:30:02Z,12,-46\n"
+    columns = {"time": {"name": "t"}, "yaw": {"name": "pan"}, "pitch": {"name": "tilt"}}
+    track = read(tmp_path / "gimbal.csv", text, columns)
+    assert np.degrees(track.pitch_rad).round(6).tolist() == [-45.0, -46.0]
+    assert (np.isnan(track.latitude_deg).all(), track.left_out) == (True, {"incomplete": 1})
+    with pytest.raises(InputError, match="found no latitude"):
+        read(tmp_path / "gimbal.csv", text, {"time": {"name": "t"}})
+
+
 def test_times_that_count_from_the_videos_first_picture_are_tied_to_it(tmp_path: Path) -> None:
     text = "t,lat,lon\n0,58.4,15.5\n200,58.4,15.5\n"
     columns = {"time": {"name": "t", "unit": "ms", "zone": "video"}, **PLAIN}
@@ -255,7 +265,7 @@ def test_flags_units_and_dates() -> None:
 
 
 def test_the_example_of_the_documentation_is_a_valid_section() -> None:
-    page = (Path(__file__).parents[3] / "docs/telemetry.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[3] / "docs/telemetry-tables.md").read_text(encoding="utf-8")
     example = page.split("### A table of one's own\n\n")[1].split("\n\nWithout")[0]
     telemetry = Telemetry(**yaml.safe_load(textwrap.dedent(example))["telemetry"])
     assert telemetry.columns["roll"].name == 7

@@ -6,10 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.config.mission import Telemetry
+from pipeline.config.mission import Angles, Telemetry
 from pipeline.errors import InputError
 from pipeline.geo.frame import LocalFrame
 from pipeline.geo.pose import enu_from_camera
+from pipeline.ingest.clock import Alignment, on_the_videos_clock
 from pipeline.ingest.track import Track
 from pipeline.ingest.trajectory import Trajectory
 from pipeline.ingest.trajectory_of import Ground, course, trajectory_of
@@ -91,8 +92,9 @@ def test_a_course_turns_through_north_the_shorter_way() -> None:
 def test_angles_of_another_file_are_taken_at_their_own_times() -> None:
     other = replace(flight(), times_s=np.arange(5.0) + 7.0, yaw_rad=np.radians([0.0, 10.0, 20.0, 30.0, 40.0]),
                     pitch_rad=np.full(5, -0.5), roll_rad=np.zeros(5))  # fmt: skip
-    given = {"angles": {"file": "gimbal.csv", "time_offset": {"seconds": -6.5}}}
-    trajectory = way(flight(), other=other, **given)
+    given = {"file": "gimbal.csv", "time_offset": {"seconds": -6.5}}
+    shifted = on_the_videos_clock(other, Angles.model_validate(given), flight(), Alignment(0.0))
+    trajectory = way(flight(), other=shifted, angles=given)
     assert yaw_deg(trajectory, 1.0) == pytest.approx(5.0)
     assert trajectory.pose(0.0) is None
 
