@@ -16,6 +16,7 @@ from pipeline.ingest.telemetry.dji_flight_record_csv import (
 )
 from pipeline.ingest.telemetry.dji_srt import is_dji_srt, read_dji_srt
 from pipeline.ingest.telemetry.litchi_csv import is_litchi_csv, read_litchi_csv
+from pipeline.ingest.telemetry.not_decoded import require_decoded
 from pipeline.ingest.telemetry.video_subtitles import (
     is_video,
     is_video_with_subtitles,
@@ -75,6 +76,7 @@ def format_of(telemetry: Telemetry) -> TelemetryFormat:
             raise InputError("telemetry.format", repr(telemetry.format), f"auto or one of {', '.join(names)}")
         return names[telemetry.format]
     head = _head(telemetry.file)
+    require_decoded(telemetry.file, head)
     for known in TELEMETRY_FORMATS:
         if known.recognises(telemetry.file, head):
             return known

@@ -287,6 +287,23 @@ def test_a_log_of_several_recordings_gives_that_of_the_video(tmp_path: Path) -> 
         align(track, Telemetry(file=path), 4.5, None, path)
 
 
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("DJIFlightRecord_2026-06-14_[09-30-00].txt", "encrypted; expected it decoded to CSV"),
+        ("flight.xlsx", "a spreadsheet; expected it saved as CSV"),
+    ],
+)
+def test_a_file_that_must_be_decoded_first_says_so(tmp_path: Path, name: str, message: str) -> None:
+    path = tmp_path / name
+    path.write_bytes(b"PK\3\4" + bytes(range(256)) * 9)
+    with pytest.raises(InputError, match=message):
+        read(path)
+    text = tmp_path / "DJIFlightRecord_2026-06-14.txt"
+    dji_flight_record_csv.write(text, true_track())
+    assert format_of(Telemetry(file=text)).name == "dji-flight-record-csv"
+
+
 @pytest.mark.skipif(not AIRDATA_DEMO.exists(), reason="needs ../shared")
 def test_the_demo_as_airdata_writes_it() -> None:
     track = read(AIRDATA_DEMO)
