@@ -265,7 +265,7 @@ def test_flags_units_and_dates() -> None:
 
 
 def test_the_example_of_the_documentation_is_a_valid_section() -> None:
-    page = (Path(__file__).parents[3] / "docs/telemetry-tables.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[3] / "docs/telemetry.md").read_text(encoding="utf-8")
     example = page.split("### A table of one's own\n\n")[1].split("\n\nWithout")[0]
     telemetry = Telemetry(**yaml.safe_load(textwrap.dedent(example))["telemetry"])
     assert telemetry.columns["roll"].name == 7
