@@ -177,6 +177,8 @@ def main() -> None:
     except SearchlightError as error:
         for line in str(error).splitlines():
             _say(f"error: {line}")
+        if error.details:
+            _say(error.details)
         sys.exit(error.exit_code)
 
 

@@ -9,6 +9,8 @@ class SearchlightError(Exception):
     """Root of every error that the command line prints as one line with exit code 2."""
 
     exit_code = 2
+    #: lines to show below the message, such as a section to fill in
+    details = ""
 
 
 class InputError(SearchlightError):
@@ -35,6 +37,7 @@ class SeveralInputsError(InputError):
     def __init__(self, faults: tuple[InputError, ...]) -> None:
         self.faults = faults
         SearchlightError.__init__(self, "\n".join(str(fault) for fault in faults))
+        self.details = "\n".join(fault.details for fault in faults if fault.details)
 
     def __reduce__(self) -> tuple[type[SeveralInputsError], tuple[tuple[InputError, ...]]]:  # type: ignore[override]
         return type(self), (self.faults,)

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from pipeline.config.base import Strict, load, mismatch, refuse_repeated
+from pipeline.config.layout import Layout
 from pipeline.config.units import Bitrate, Bytes, PositiveSeconds
 from pipeline.errors import InputError
 from pipeline.link.codec import Codec
@@ -86,7 +87,9 @@ class PoolDetector(Strict):
     model: the ONNX file, relative to the pool file; none for a detector that is only planned with.
     card: its data sheet. score_threshold: detections below it are not reported. calibration: what a score
     above it is worth; absent: the score itself. accuracy: under the codec and by the metric that the
-    provenance names; the other accuracies say more of the same. sha256: of model.
+    provenance names; the other accuracies say more of the same. sha256: of model. layout: how it is read, a
+    name or a description; absent: found out. names: of its classes, in order, where the file does not say
+    them; ``coco``, ``coco91``: COCO's. classes: which of them are which layer of the map.
     """
 
     id: str = Field(pattern=r"^[A-Za-z0-9_.-]+$")
@@ -101,6 +104,9 @@ class PoolDetector(Strict):
     accuracy_by_size: tuple[AccuracyOfSize, ...] = ()
     accuracy_by_codec: tuple[AccuracyWithCodec, ...] = ()
     accuracy_by_context: tuple[AccuracyInContext, ...] = ()
+    layout: str | Layout | None = None
+    names: tuple[str, ...] | Literal["coco", "coco91"] | None = None
+    classes: dict[str, tuple[str, ...]] = Field(default_factory=dict)
     sha256: str | None = Field(default=None, pattern=r"^[0-9a-f]{64}$")
 
     def require_model(self, where: object) -> Path:

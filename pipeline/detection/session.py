@@ -3,34 +3,23 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass, field
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 # Unless told before its import, the library writes a device id into the home folder and reports usage.
 os.environ["ORT_DISABLE_TELEMETRY"] = "1"
 import onnxruntime
 
+from pipeline.detection.facts import Signature, Tensor
+from pipeline.detection.folding import folded
 from pipeline.errors import InputError
 
 _PROVIDERS = {"cpu": "CPUExecutionProvider", "cuda": "CUDAExecutionProvider"}
 _QUIET = 4
-
-
-@dataclass(frozen=True, slots=True)
-class Signature:
-    """What a model takes and gives: shapes by tensor name, a free axis as its name; and its metadata."""
-
-    inputs: dict[str, tuple[int | str | None, ...]]
-    outputs: dict[str, tuple[int | str | None, ...]]
-    metadata: dict[str, str] = field(default_factory=dict)
-
-    def __str__(self) -> str:
-        parts = [f"{name}{list(shape)}" for name, shape in (self.inputs | self.outputs).items()]
-        return ", ".join(parts)
+_DTYPES = {"float": "float32", "double": "float64"}
 
 
 class Session:
@@ -42,23 +31,54 @@ class Session:
             raise InputError(path, "no file", "a detector as an ONNX file")
         name = _provider(path, provider)
         try:
-            self._session = onnxruntime.InferenceSession(path, _options(threads), providers=[name])
+            self._session = _open(path, threads, name)
         except Exception as error:  # ONNX Runtime's errors have no common root
-            reason = str(error).splitlines()[0][:200]
+            found = f"a file that is not a usable ONNX model ({_reason(error)})"
             raise InputError(
-                path, f"a file that is not a usable ONNX model ({reason})", "an ONNX model"
+                path, found, "an ONNX model, with its external data beside it if it has any"
             ) from None
         meta = self._session.get_modelmeta().custom_metadata_map
         self.signature = Signature(
-            {t.name: tuple(t.shape) for t in self._session.get_inputs()},
-            {t.name: tuple(t.shape) for t in self._session.get_outputs()},
+            tuple(_tensor(t) for t in self._session.get_inputs()),
+            tuple(_tensor(t) for t in self._session.get_outputs()),
             dict(meta),
         )
+        #: where it runs and on how many threads, as it was opened
+        self.provider, self.threads = provider, threads
+        self._path = path
+        self._names = [t.name for t in self.signature.outputs]
 
-    def run(self, inputs: dict[str, NDArray[Any]]) -> list[NDArray[np.float32]]:
-        """The outputs in the model's order."""
-        outputs: list[NDArray[np.float32]] = self._session.run(None, inputs)
-        return outputs
+    def run(self, inputs: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+        """The outputs by name. Raises InputError if the model fails on them."""
+        try:
+            return dict(zip(self._names, self._session.run(None, dict(inputs)), strict=True))
+        except Exception as error:
+            found = f"a model that fails on a picture ({_reason(error)})"
+            raise InputError(self._path, found, "a model that runs in ONNX Runtime") from None
+
+
+def _open(path: Path, threads: int, provider: str) -> Any:
+    options = _options(threads)
+    session = onnxruntime.InferenceSession(path, options, providers=[provider])
+    if session.get_overridable_initializers():
+        # weights that are listed as inputs too are no constants: nothing is folded into them, fused with them
+        options.add_session_config_entry(
+            "session.model_external_initializers_file_folder_path", str(path.resolve().parent)
+        )
+        session = onnxruntime.InferenceSession(folded(path.read_bytes()), options, providers=[provider])
+    if session.get_providers()[0] != provider:
+        raise ValueError(f"{provider} could not be started")
+    return session
+
+
+def _tensor(argument: Any) -> Tensor:
+    kind = argument.type.removeprefix("tensor(").removesuffix(")")
+    return Tensor(argument.name, tuple(argument.shape), _DTYPES.get(kind, kind))
+
+
+def _reason(error: Exception) -> str:
+    text = " ".join(str(error).split())
+    return text[:200] or type(error).__name__
 
 
 def _provider(path: Path, provider: str) -> str:

@@ -1,29 +1,62 @@
-"""One adapter per output layout, and how a model's layout is recognised."""
+"""Layouts of networks: one file each, what a user's package adds, and what each says of a model."""
 
 from __future__ import annotations
 
-from pipeline.detection.layouts.base import Layout
-from pipeline.detection.layouts.deim import DeimLayout
-from pipeline.detection.layouts.fastestdet import FastestDetLayout
-from pipeline.detection.layouts.nanodet import NanoDetLayout
-from pipeline.detection.layouts.searchlight import SearchlightLayout
-from pipeline.detection.layouts.yolox import LightPersonLayout, YoloxLayout
-from pipeline.detection.session import Signature
+from collections.abc import Sequence
+from importlib.metadata import entry_points
+from typing import cast
 
-LAYOUTS: tuple[type[Layout], ...] = (
-    SearchlightLayout,
-    FastestDetLayout,
-    NanoDetLayout,
-    YoloxLayout,
-    LightPersonLayout,
-    DeimLayout,
+from pipeline.detection.facts import Facts
+from pipeline.detection.layouts import (
+    damoyolo,
+    fastestdet,
+    nanodet,
+    nms_in_graph,
+    picodet,
+    rtdetr,
+    searchlight,
+    tf_ssd,
+    torchvision,
+    yolo_fastestv2,
+    yolov5,
+    yolov6,
+    yolov8,
+    yolov10,
+    yoloworld,
+    yolox,
+)
+from pipeline.detection.layouts.proposal import LayoutFamily, Proposal
+
+ENTRY_POINT = "searchlight.detector_layouts"
+BUILT_IN: tuple[LayoutFamily, ...] = (
+    searchlight,
+    yolov8,
+    yolov5,
+    yolov10,
+    yolox,
+    yolov6,
+    yolo_fastestv2,
+    nanodet,
+    picodet,
+    fastestdet,
+    damoyolo,
+    rtdetr,
+    nms_in_graph,
+    tf_ssd,
+    torchvision,
+    yoloworld,
 )
 
 
-def recognise(signature: Signature) -> Layout | None:
-    """The layout of a model, None if it is none that we know."""
-    for layout in LAYOUTS:
-        found = layout.recognise(signature)
-        if found is not None:
-            return found
-    return None
+def families() -> tuple[LayoutFamily, ...]:
+    """Those of installed packages first, then the built-in ones."""
+    added = tuple(cast(LayoutFamily, point.load()) for point in entry_points(group=ENTRY_POINT))
+    return (*added, *BUILT_IN)
+
+
+def proposals(facts: Facts) -> Sequence[Proposal]:
+    """All ways to read a model. Raises InputError if a family knows it and cannot use it."""
+    first = searchlight.propose(facts)
+    if first:
+        return first
+    return [p for family in families() if family is not searchlight for p in family.propose(facts)]

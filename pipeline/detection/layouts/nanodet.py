@@ -1,58 +1,101 @@
-"""NanoDet (https://github.com/RangiLyu/nanodet), the export with six outputs."""
+"""NanoDet and NanoDet-Plus (https://github.com/RangiLyu/nanodet)."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, ClassVar, Self
+from pipeline.config.layout import Distances, Layout
+from pipeline.detection.facts import Facts, Tensor
+from pipeline.detection.layouts.proposal import Proposal, picture_input
 
-import numpy as np
-from numpy.typing import NDArray
-
-from pipeline.detection.layouts.base import grid_corners, planar
-from pipeline.detection.placement import Placement, letterbox
-from pipeline.detection.session import Signature
-from pipeline.messages import FloatArray
-
-_STRIDES = (8, 16, 32)
+name = "nanodet"
 _BINS = 8
-_MEAN_BGR = np.array([103.53, 116.28, 123.675], np.float32).reshape(1, 3, 1, 1)
-_STD_BGR = np.array([57.375, 57.12, 58.395], np.float32).reshape(1, 3, 1, 1)
+_MEAN_BGR, _STD_BGR = (103.53, 116.28, 123.675), (57.375, 57.12, 58.395)
 
 
-@dataclass(frozen=True, slots=True)
-class NanoDetLayout:
-    """At strides 8, 16, 32: scores (1, cells, 80); then distributions of edge distances (1, cells, 4 x 8)."""
+def propose(facts: Facts) -> list[Proposal]:
+    """Class scores and distributions of distances, apart (NanoDet) or beside each other (NanoDet-Plus)."""
+    if facts.others:
+        return []
+    return [*_apart(facts), *_beside(facts)]
 
-    name: ClassVar[str] = "nanodet"
-    nms_iou: ClassVar[float] = 0.6
-    input: str
-    width: int
-    height: int
 
-    @classmethod
-    def recognise(cls, signature: Signature) -> Self | None:
-        """By its six outputs and the number of cells at strides 8, 16 and 32."""
-        if len(signature.inputs) != 1:
+def _apart(facts: Facts) -> list[Proposal]:
+    strides = (8, 16, 32)
+    pairs = pairs_per_stride(facts, strides, _BINS)
+    if pairs is None:
+        return []
+    scores, distances, classes = pairs
+    layout = Layout(
+        input=_input(facts, "letterbox_centred"),
+        output=Distances(scores=scores, distances=distances, strides=strides, bins=_BINS),
+        nms_iou=0.6,
+    )
+    why = ("class scores and distributions of 8 bins at the strides 8, 16, 32",)
+    return [Proposal(name, layout, why, classes)]
+
+
+def _beside(facts: Facts) -> list[Proposal]:
+    if len(facts.outputs) != 1 or len(facts.outputs[0].shape) != 2:
+        return []
+    (output,) = facts.outputs
+    for strides, which in (((8, 16, 32, 64), "nanodet_plus"), ((8, 16, 32), "nanodet_m_one_output")):
+        places, values = output.shape
+        if places == facts.cells(*strides) and isinstance(values, int) and values > 4 * _BINS:
+            plus = len(strides) == 4
+            layout = Layout(
+                input=_input(facts, "stretched" if plus else "letterbox_centred"),
+                output=Distances(
+                    tensor=output.name, strides=strides, bins=_BINS, centre=0.0 if plus else 0.5
+                ),
+                nms_iou=0.6,
+            )
+            why = (
+                f"{places} candidates are one for each cell of the strides {strides}",
+                f"{values} values are {values - 4 * _BINS} classes and four distributions of 8 bins",
+            )
+            return [Proposal(which, layout, why, values - 4 * _BINS, usual=plus, grid=strides)]
+    return []
+
+
+def _input(facts: Facts, placement: str):  # type: ignore[no-untyped-def]
+    return picture_input(
+        facts,
+        colour="bgr",
+        range=255.0,
+        mean=_MEAN_BGR,
+        std=_STD_BGR,
+        placement=placement,
+        fill=0,
+        filter="area",
+    )
+
+
+def pairs_per_stride(
+    facts: Facts, strides: tuple[int, ...], bins: int
+) -> tuple[tuple[str, ...], tuple[str, ...], int] | None:
+    """Names of the tensors of scores and of distributions by rising stride, and the classes.
+
+    None if the outputs are not just these. In networks with 4 x bins classes their order tells them apart.
+    """
+    if len(facts.outputs) != 2 * len(strides):
+        return None
+    scores, distances, classes = [], [], set()
+    for stride in strides:
+        here = [t for t in facts.outputs if len(t.shape) == 2 and t.shape[0] == facts.cells(stride)]
+        if len(here) != 2:
             return None
-        ((name, shape),) = signature.inputs.items()
-        if len(shape) != 4 or not isinstance(shape[2], int) or not isinstance(shape[3], int):
+        spread = [t for t in here if t.shape[1] == 4 * bins]
+        if not spread:
             return None
-        height, width = shape[2], shape[3]
-        cells = [(height // stride) * (width // stride) for stride in _STRIDES]
-        expected = [(1, n, 80) for n in cells] + [(1, n, 4 * _BINS) for n in cells]
-        return cls(name, width, height) if list(signature.outputs.values()) == expected else None
+        distance = spread[-1]
+        (score,) = (t for t in here if t is not distance)
+        scores.append(score)
+        distances.append(distance)
+        classes.add(score.shape[1])
+    (count, *more) = classes
+    if more or not isinstance(count, int):
+        return None
+    return _names(scores), _names(distances), count
 
-    def prepare(self, image: NDArray[np.uint8]) -> tuple[dict[str, NDArray[Any]], Placement]:
-        """See Layout."""
-        placed, placement = letterbox(image, self.width, self.height, fill=0, centred=True)
-        return {self.input: (planar(placed[..., ::-1]) - _MEAN_BGR) / _STD_BGR}, placement
 
-    def decode(self, outputs: list[NDArray[np.float32]]) -> tuple[FloatArray, FloatArray]:
-        """See Layout."""
-        scores = np.concatenate([scores[0, :, 0] for scores in outputs[:3]]).astype(float)
-        bins = np.concatenate([bins[0] for bins in outputs[3:]]).astype(float).reshape(-1, 4, _BINS)
-        corners, stride = grid_corners(self.width, self.height, _STRIDES)
-        weights = np.exp(bins - bins.max(axis=2, keepdims=True))
-        distances = stride * (weights @ np.arange(_BINS)) / weights.sum(axis=2)
-        centres = (corners + 0.5) * stride
-        return np.concatenate([centres - distances[:, :2], centres + distances[:, 2:]], axis=1), scores
+def _names(tensors: list[Tensor]) -> tuple[str, ...]:
+    return tuple(t.name for t in tensors)

@@ -2,41 +2,52 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, ClassVar, Self
+from pipeline.config.layout import Layout, Pairs
+from pipeline.detection.facts import Facts
+from pipeline.detection.layouts.proposal import Proposal, picture_input
+from pipeline.errors import InputError
 
-import numpy as np
-from numpy.typing import NDArray
-
-from pipeline.detection.placement import Placement, letterbox
-from pipeline.detection.session import Signature
-from pipeline.messages import FloatArray
+name = "searchlight"
 
 
-@dataclass(frozen=True, slots=True)
-class SearchlightLayout:
+def propose(facts: Facts) -> list[Proposal]:
+    """Ours say ``layout: searchlight`` in their metadata, and then must keep to all of it."""
+    if facts.metadata.get("layout") != name:
+        return []
+    _require_contract(facts)
+    boxes, scores = facts.outputs
+    layout = Layout(
+        input=picture_input(facts, range=255.0, placement="letterbox_top_left", filter="area"),
+        output=Pairs(boxes=boxes.name, scores=scores.name),
+        nms_iou=0.5,
+    )
+    return [Proposal(name, layout, ("its metadata says layout: searchlight",), 1)]
+
+
+def _require_contract(facts: Facts) -> None:
     """image uint8 (1, H, W, 3) RGB -> boxes (1, N, 4) xyxy in input pixels, scores (1, N) in 0..1."""
-
-    name: ClassVar[str] = "searchlight"
-    nms_iou: ClassVar[float] = 0.5
-    width: int
-    height: int
-
-    @classmethod
-    def recognise(cls, signature: Signature) -> Self | None:
-        """Ours say ``layout: searchlight`` in their metadata."""
-        shape = signature.inputs.get("image")
-        if signature.metadata.get("layout") != cls.name or shape is None or len(shape) != 4:
-            return None
-        _, height, width, _ = shape
-        return cls(width, height) if isinstance(width, int) and isinstance(height, int) else None
-
-    def prepare(self, image: NDArray[np.uint8]) -> tuple[dict[str, NDArray[Any]], Placement]:
-        """See Layout."""
-        placed, placement = letterbox(image, self.width, self.height, fill=114, centred=False)
-        return {"image": placed[None]}, placement
-
-    def decode(self, outputs: list[NDArray[np.float32]]) -> tuple[FloatArray, FloatArray]:
-        """See Layout."""
-        boxes, scores = outputs
-        return boxes[0].astype(float), scores[0].astype(float)
+    shapes = [tuple(t.shape) for t in facts.outputs]
+    rules = (
+        (not facts.others, "one input", f"{1 + len(facts.others)}"),
+        (facts.picture.dtype == "uint8", "an input of uint8", facts.picture.dtype),
+        (facts.axes == "nhwc", "an input (1, height, width, 3)", str(facts.picture)),
+        (
+            all(isinstance(size, int) for size in facts.picture.shape[1:3]),
+            "an input of fixed height and width",
+            str(facts.picture),
+        ),
+        (len(shapes) == 2, "two outputs, boxes and scores", f"{len(shapes)} outputs"),
+        (
+            len(shapes) == 2 and len(shapes[0]) == 2 and shapes[0][1] == 4,
+            "boxes (1, N, 4) first",
+            str(shapes),
+        ),
+        (
+            len(shapes) == 2 and shapes[1] == shapes[0][:1],
+            "scores (1, N) second, N as of the boxes",
+            str(shapes),
+        ),
+    )
+    for kept, rule, found in rules:
+        if not kept:
+            raise InputError("layout: searchlight in its metadata", found, rule)

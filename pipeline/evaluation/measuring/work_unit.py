@@ -232,10 +232,10 @@ class _Scanner:
 
     def look(self, image: NDArray[np.uint8], picture: int) -> None:
         started = time.perf_counter()
-        boxes, scores = self._detector.candidates(image)
+        boxes, scores, classes = self._detector.candidates(image)
         finite = self._detector.finite(boxes, scores)
         self._not_finite += int((~finite).sum())
-        boxes, scores, _ = self._detector.chosen(image, boxes[finite], scores[finite])
+        boxes, scores, _ = self._detector.chosen(image, boxes[finite], scores[finite], classes[finite])
         # they come by falling score, and no metric takes more
         self._rows.append((picture, boxes[:MOST_FOUND], scores[:MOST_FOUND]))
         self._seconds += time.perf_counter() - started

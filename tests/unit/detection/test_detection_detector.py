@@ -5,12 +5,27 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pipeline.config.layout import Layout, Pairs, PictureInput
 from pipeline.config.pool import Calibration
 from pipeline.detection import Detector, NotFiniteError, load_detector
-from pipeline.detection.layouts.searchlight import SearchlightLayout
+from pipeline.detection.preparation import Preparation
 from pipeline.errors import InputError
 
 NANO = Path(__file__).parents[3] / "configs" / "detectors" / "nano.onnx"
+
+
+LAYOUT = Layout(
+    input=PictureInput(
+        tensor="image", axes="nhwc", range=255.0, placement="letterbox_top_left", filter="area"
+    ),
+    output=Pairs(boxes="boxes", scores="scores"),
+    nms_iou=0.5,
+)
+PREPARATION = Preparation(LAYOUT.input, (), (), (512, 288), "uint8")
+
+
+def detector_of(session, score_threshold, calibration=None):
+    return Detector(session, LAYOUT, PREPARATION, {0: (0,)}, score_threshold, calibration)
 
 
 class FakeSession:
@@ -19,11 +34,12 @@ class FakeSession:
     def run(self, inputs):
         assert inputs["image"].shape == (1, 288, 512, 3)
         boxes = [[10, 10, 30, 60], [11, 10, 31, 60], [200, 100, 600, 400], [0, 0, 5, 5]]
-        return [np.array([boxes], np.float32), np.array([[0.8, 0.9, 0.5, 0.1]], np.float32)]
+        scores = [[0.8, 0.9, 0.5, 0.1]]
+        return {"boxes": np.array([boxes], np.float32), "scores": np.array(scores, np.float32)}
 
 
 def test_detections_are_suppressed_scaled_back_and_kept_inside_the_picture():
-    detector = Detector(FakeSession(), SearchlightLayout(512, 288), score_threshold=0.3)
+    detector = detector_of(FakeSession(), 0.3)
     boxes, scores, classes = detector.detect(np.zeros((576, 1024, 3), np.uint8))
     np.testing.assert_allclose(boxes, [[22, 20, 62, 120], [400, 200, 1024, 576]])
     np.testing.assert_allclose(scores, [0.9, 0.5], rtol=1e-6)
@@ -31,36 +47,36 @@ def test_detections_are_suppressed_scaled_back_and_kept_inside_the_picture():
 
 
 def test_nothing_found_has_the_shapes_of_no_boxes():
-    detector = Detector(FakeSession(), SearchlightLayout(512, 288), score_threshold=0.95)
+    detector = detector_of(FakeSession(), 0.95)
     boxes, scores, classes = detector.detect(np.zeros((576, 1024, 3), np.uint8))
     assert (boxes.shape, scores.shape, classes.shape) == ((0, 4), (0,), (0,))
 
 
 def test_scores_are_calibrated_after_the_threshold_and_boxes_stay_as_they_are():
-    image, layout = np.zeros((576, 1024, 3), np.uint8), SearchlightLayout(512, 288)
-    plain = Detector(FakeSession(), layout, 0.3).detect(image)
+    image = np.zeros((576, 1024, 3), np.uint8)
+    plain = detector_of(FakeSession(), 0.3).detect(image)
     calibration = Calibration(scale=2.0, offset=0.0)
-    boxes, scores, _ = Detector(FakeSession(), layout, 0.3, calibration).detect(image)
+    boxes, scores, _ = detector_of(FakeSession(), 0.3, calibration).detect(image)
     np.testing.assert_array_equal(boxes, plain[0])
     np.testing.assert_allclose(scores, [0.81 / 0.82, 0.5], rtol=1e-5)  # odds of 0.9 are 9, squared 81
 
 
-@pytest.mark.parametrize(("part", "place"), [(1, (0, 0)), (0, (0, 0, 2))])
+@pytest.mark.parametrize(("part", "place"), [("scores", (0, 0)), ("boxes", (0, 0, 2))])
 def test_a_network_that_says_nan_has_not_seen_the_picture(part, place):
     session = FakeSession()
     outputs = session.run({"image": np.zeros((1, 288, 512, 3))})
     outputs[part][place] = np.nan
     session.run = lambda _: outputs
     with pytest.raises(NotFiniteError):
-        Detector(session, SearchlightLayout(512, 288), 0.3).detect(np.zeros((576, 1024, 3), np.uint8))
+        detector_of(session, 0.3).detect(np.zeros((576, 1024, 3), np.uint8))
 
 
 def test_a_box_that_would_not_be_reported_may_be_nan():
     session = FakeSession()
     outputs = session.run({"image": np.zeros((1, 288, 512, 3))})
-    outputs[0][0, 3] = np.inf
+    outputs["boxes"][0, 3] = np.inf
     session.run = lambda _: outputs
-    boxes, _, _ = Detector(session, SearchlightLayout(512, 288), 0.3).detect(np.zeros((9, 16, 3), np.uint8))
+    boxes, _, _ = detector_of(session, 0.3).detect(np.zeros((9, 16, 3), np.uint8))
     assert len(boxes) == 2
 
 
@@ -80,16 +96,21 @@ def test_a_missing_file_is_named(tmp_path):
         load_detector(tmp_path / "nobody.onnx", score_threshold=0.3)
 
 
-def test_an_unknown_layout_is_refused_with_the_known_ones(tmp_path):
-    onnx = pytest.importorskip("onnx", reason="the extra [train] is not installed")
-    value = [onnx.helper.make_tensor_value_info(name, onnx.TensorProto.FLOAT, [1, 3, 8, 8]) for name in "xy"]
+def test_an_unknown_layout_is_asked_about_with_the_section_to_fill_in(tmp_path):
+    onnx = pytest.importorskip("onnx", reason="onnx is not installed")
+    value = [
+        onnx.helper.make_tensor_value_info(name, onnx.TensorProto.FLOAT, [1, 3, 64, 64]) for name in "xy"
+    ]
     graph = onnx.helper.make_graph([onnx.helper.make_node("Relu", ["x"], ["y"])], "g", value[:1], value[1:])
     path = tmp_path / "relu.onnx"
     onnx.save(
         onnx.helper.make_model(graph, opset_imports=[onnx.helper.make_opsetid("", 17)], ir_version=8), path
     )
-    with pytest.raises(InputError, match=r"relu\.onnx.*unknown layout.*searchlight, fastestdet, nanodet"):
+    with pytest.raises(InputError, match=r"relu\.onnx.*no known layout.*layouts") as error:
         load_detector(path, score_threshold=0.3)
+    assert "\n" not in str(error.value)
+    assert "tensor: x" in error.value.details
+    assert "colour: '?'" in error.value.details
 
 
 @pytest.mark.skipif(not NANO.is_file(), reason="no shipped nano.onnx")

@@ -26,8 +26,8 @@ def four_people():
         ("fastestdet.onnx", "fastestdet", 0.5, 6),
         ("nanodet_m_320.onnx", "nanodet", 0.35, 3),
         ("yolox_nano_416.onnx", "yolox", 0.35, 4),
-        ("light_person_192.onnx", "light_person", 0.35, 4),
-        ("deimv2_atto_320_int8.onnx", "deim", 0.35, 3),
+        ("light_person_192.onnx", "yolox", 0.35, 4),
+        ("deimv2_atto_320_int8.onnx", "rtdetr_with_sizes", 0.35, 3),
     ],
 )
 def test_a_published_model_finds_as_many_people_as_published(
@@ -35,7 +35,7 @@ def test_a_published_model_finds_as_many_people_as_published(
 ):
     detector = load_detector(DATA / "detectors" / file, score_threshold=score_threshold)
     boxes, scores, classes = detector.detect(four_people)
-    assert detector.layout.name == layout
+    assert detector.recognised.name == layout
     assert boxes.shape == (people, 4)
     assert (np.diff(scores) <= 0).all()
     assert scores.min() >= score_threshold
