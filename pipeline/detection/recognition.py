@@ -273,7 +273,7 @@ def _axes(tensor: Tensor) -> str | None:
     named = {3: ("chw", "", "hwc"), 4: ("", "nchw", "", "nhwc")}.get(len(shape), ())
     for colours in (3, 1):
         for axis, order in enumerate(named):
-            if order and shape[axis] == colours:
+            if order and shape[axis] == colours and (colours == 3 or len(shape) == 4):
                 return order
     free = len(shape) == 4 and all(not isinstance(size, int) for size in shape[1:])
     return "nchw" if free else None

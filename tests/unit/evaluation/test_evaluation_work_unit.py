@@ -79,13 +79,13 @@ def test_without_a_codec_the_pictures_are_looked_at_in_the_wanted_size(unit):
 def test_numbers_that_are_not_finite_are_counted_and_left_out(unit, monkeypatch):
     class Broken(Detector):
         def __init__(self):
-            super().__init__(session=None, layout=None, score_threshold=0.3)
+            super().__init__(None, None, None, {0: (0,)}, score_threshold=0.3)
 
         def candidates(self, image):
             boxes = np.array([[1.0, 1, 5, 5], [np.nan, 1, 5, 5], [1, 1, 5, 5], [np.inf, 1, 5, 5]])
-            return boxes, np.array([0.9, 0.9, np.nan, 0.1])  # the last one would not be reported anyway
+            return boxes, np.array([0.9, 0.9, np.nan, 0.1]), np.zeros(4, int)  # the last one would not be reported anyway
 
-        def chosen(self, image, boxes, scores):
+        def chosen(self, image, boxes, scores, classes):
             likely = scores >= self.score_threshold
             return boxes[likely], scores[likely], None
 
