@@ -83,7 +83,11 @@ def test_numbers_that_are_not_finite_are_counted_and_left_out(unit, monkeypatch)
 
         def candidates(self, image):
             boxes = np.array([[1.0, 1, 5, 5], [np.nan, 1, 5, 5], [1, 1, 5, 5], [np.inf, 1, 5, 5]])
-            return boxes, np.array([0.9, 0.9, np.nan, 0.1]), np.zeros(4, int)  # the last one would not be reported anyway
+            return (
+                boxes,
+                np.array([0.9, 0.9, np.nan, 0.1]),
+                np.zeros(4, int),
+            )  # the last is below the threshold
 
         def chosen(self, image, boxes, scores, classes):
             likely = scores >= self.score_threshold
