@@ -169,7 +169,8 @@ class Telemetry(Strict):
 
     format: ``auto``, or the name of one that ``searchlight check`` lists. height: which height field to use;
     ``absolute`` is above height_datum, ``relative`` above takeoff_height (absent: the ground under the first
-    sample). geoid_undulation: height of the geoid above the ellipsoid there; absent: of a geoid model.
+    sample). flight_height: above take-off, of a flight at one height, for a file with none. geoid_undulation:
+    height of the geoid above the ellipsoid there; absent: of a geoid model.
     utc_offset: local time minus UTC, where a file's times are local. yaw_offset: added to every yaw.
     longest_gap: between two samples that a pose may be interpolated over. gps_order: of ``GPS(a, b, height)``
     in DJI's subtitles; absent: latitude first, as the drones that write a height do.
@@ -182,6 +183,7 @@ class Telemetry(Strict):
     height: Literal["absolute", "relative"] = "absolute"
     height_datum: Datum | None = None
     takeoff_height: Meters | None = None
+    flight_height: Meters | None = None
     geoid_undulation: Meters | None = None
     columns: dict[str, Column] = Field(default_factory=dict)
     table: Table = Table()

@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from pipeline.config.mission import Telemetry, Uncertainty
+from pipeline.config.mission import Telemetry
 from pipeline.ingest.finding import Finding
 from pipeline.ingest.track import Track
-from pipeline.ingest.trajectory import Trajectory
+from pipeline.ingest.trajectory import Trajectory, widened
 from pipeline.messages import FloatArray
 
 _METERS_PER_DEGREE = 111_320.0
@@ -28,7 +28,7 @@ _COARSE_M = 5.0
 
 
 def with_resolution(
-    trajectory: Trajectory, track: Track, telemetry: Telemetry, uncertainty: Uncertainty
+    trajectory: Trajectory, track: Track, telemetry: Telemetry
 ) -> tuple[Trajectory, list[Finding]]:
     """The trajectory whose deviations include how coarsely its track is written; and what there is to say of it.
 
@@ -40,9 +40,8 @@ def with_resolution(
     heights = track.relative_height_m if relative else track.absolute_height_m
     metres = _step(heights, finest=_FINEST_METERS) if len(np.unique(heights)) >= _FEWEST_HEIGHTS else 0.0
     steps_m = np.array([degrees * _METERS_PER_DEGREE, metres])
-    mission = np.array([uncertainty.position_bias, uncertainty.height_bias])
-    before = np.where(np.isnan(trajectory.sds[:, :2]), mission, trajectory.sds[:, :2])
-    after = np.hypot(before, steps_m * _SD_PER_STEP)
+    before = widened(trajectory.sds[:, :2], trajectory.mission_sds[:2], 0.0)
+    after = widened(trajectory.sds[:, :2], trajectory.mission_sds[:2], steps_m * _SD_PER_STEP)
     worth = [bool(wider.any()) for wider in (after > (1.0 + _WORTH) * before).T]
     if not any(worth):
         return trajectory, []

@@ -34,6 +34,8 @@ _ESSENTIAL = ("latitude", "longitude", "absolute_height", "relative_height", "ya
 #: nothing that films people from the air is faster, metres per second; a fix may wander so far, metres
 _FASTEST_MPS, _WANDER_M = 150.0, 30.0
 _METERS_PER_DEGREE = 111_320.0
+#: dates in whole seconds beside times in milliseconds agree to so much, ns
+_DATE_SLACK_NS = 1_500_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,10 +90,9 @@ def track_of(
     if not kept:
         raise InputError(path, f"no usable sample ({left_out})" if left_out.counts else "no sample", expected)
     columns = {name: np.array([s.values.get(name, math.nan) for s in kept]) for name in FIELDS}
-    dated = next(((s.time_s, s.date_ns) for s in kept if s.date_ns is not None), None)
-    start_ns = 0 if dated is None else dated[1] - round((dated[0] - kept[0].time_s) * 1e9)
+    start_ns, of_dates = _start_ns(kept)
     return Track(
-        start_ns,
+        start_ns or 0,
         np.array([s.time_s for s in kept]),
         columns["latitude"],
         columns["longitude"],
@@ -100,7 +101,7 @@ def track_of(
         np.radians(columns["yaw"]),
         np.radians(columns["pitch"]),
         np.radians(columns["roll"]),
-        clock="unknown" if dated is None else clock,
+        clock="unknown" if start_ns is None else clock,
         tied_to_video=tied_to_video,
         height_datum=height_datum,
         aircraft_yaw_rad=_radians(columns["aircraft_yaw"]),
@@ -115,8 +116,29 @@ def track_of(
         camera_name=camera_name,
         left_out=dict(left_out.counts),
         first_left_out=dict(left_out.first),
-        assumed=tuple(assumed),
+        assumed=(*assumed, *of_dates),
     )
+
+
+def _start_ns(samples: Sequence[Sample]) -> tuple[int | None, list[str]]:
+    """The date of the first sample, None without any, by the dates of most samples; and what is to be said of it.
+
+    A drone that finds its first satellites sets its clock, by seconds or by years.
+    """
+    dated = [
+        (s, s.date_ns - round((s.time_s - samples[0].time_s) * 1e9)) for s in samples if s.date_ns is not None
+    ]
+    if not dated:
+        return None, []
+    usual_ns = sorted(start for _, start in dated)[len(dated) // 2]
+    agreeing = [(s, start) for s, start in dated if abs(start - usual_ns) <= _DATE_SLACK_NS]
+    odd = [s for s, start in dated if abs(start - usual_ns) > _DATE_SLACK_NS]
+    text = (
+        [f"{len(odd)} dates that the other {len(agreeing)} contradict are not used (first: {odd[0].where})"]
+        if odd
+        else []
+    )
+    return agreeing[0][1], text
 
 
 def _plausible(samples: list[Sample], left_out: LeftOut) -> list[Sample]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -19,7 +19,8 @@ class Trajectory:
     times_s: float64 (N,), N >= 1, increasing, time of the video. positions_enu: (N, 3), metres, heights above the
     terrain's datum. angles_rad: (N, 3), yaw, pitch and roll of the camera. sds: (N, 3), standard deviations that
     the telemetry states: horizontal (m, each axis), height (m), attitude (rad); NaN where it states none.
-    focal_scale: (N,), focal length over that of the stream's camera.
+    focal_scale: (N,), focal length over that of the stream's camera. mission_sds: (3,), what the mission takes those
+    to be that the telemetry does not state; where an error is added to one, it is added to this.
 
     end_s: until then the last sample is carried on. longest_gap_s: between samples that a pose may lie in.
     start_ns: date of the video's time 0, ns since 1970 on ``clock``. assumed: what had to be, a sentence each.
@@ -35,6 +36,7 @@ class Trajectory:
     start_ns: int
     clock: Clock
     assumed: tuple[str, ...] = ()
+    mission_sds: FloatArray = field(default_factory=lambda: np.full(3, math.nan))
 
     @property
     def span_s(self) -> tuple[float, float]:
@@ -69,8 +71,10 @@ class Trajectory:
             self.positions_enu[following] - self.positions_enu[index]
         )
         if carried_m.any():
-            horizontal_m = _with_carried(horizontal_m, 0.5 * math.hypot(carried_m[0], carried_m[1]))
-            height_m = _with_carried(height_m, 0.5 * float(carried_m[2]))
+            added_m = 0.5 * np.array([math.hypot(carried_m[0], carried_m[1]), carried_m[2]])
+            horizontal_m, height_m = widened(
+                np.array([horizontal_m, height_m]), self.mission_sds[:2], added_m
+            )
         scale = _mixed(self.focal_scale[index], self.focal_scale[following], 0.0 if share < 1.0 else 1.0)
         return CameraPose(
             position,
@@ -101,5 +105,6 @@ def _mixed(before: FloatArray, after: FloatArray, share: float) -> FloatArray:
     return np.asarray(before + share * (after - before))
 
 
-def _with_carried(sd_m: float, carried_m: float) -> float:
-    return carried_m if math.isnan(sd_m) else math.hypot(sd_m, carried_m)
+def widened(sds: FloatArray, mission_sds: FloatArray | float, added: FloatArray | float) -> FloatArray:
+    """Deviations with an independent error more: of what is stated, or else of what the mission says."""
+    return np.hypot(np.where(np.isnan(sds), np.nan_to_num(mission_sds), sds), added)

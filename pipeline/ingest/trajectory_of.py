@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.config.mission import Datum, FixedGimbal, Telemetry
+from pipeline.config.mission import Datum, FixedGimbal, Telemetry, Uncertainty
 from pipeline.errors import InputError
 from pipeline.geo.frame import LocalFrame
 from pipeline.ingest.track import Clock, Track
-from pipeline.ingest.trajectory import Trajectory
+from pipeline.ingest.trajectory import Trajectory, widened
 from pipeline.messages import FloatArray
 
 BoolArray = NDArray[np.bool_]
@@ -22,6 +22,8 @@ BoolArray = NDArray[np.bool_]
 _COURSE_WAY_M = 1.0
 #: wind and turns: how well the way of a drone tells where its nose points
 _COURSE_SD_RAD = math.radians(8.0)
+#: a video begins no farther than this from where the drone took off, metres, as far as nobody says
+_TAKEOFF_WITHIN_M = 50.0
 #: (latitude, longitude, degrees) -> height of the geoid above the ellipsoid, and its standard deviation, metres
 Undulation = Callable[[float, float], tuple[float, float]]
 
@@ -43,13 +45,16 @@ def trajectory_of(
     *,
     offset_s: float | None = None,
     angles: Track | None = None,
+    uncertainty: Uncertainty | None = None,
 ) -> Trajectory:
     """The way of the camera. angles: the track of ``telemetry.angles``, on the video's clock, if there is one.
 
+    uncertainty: the mission's (absent: that of a mission which says nothing), for what the telemetry does not state.
     offset_s: added to the track's times to get the video's; absent, the mission's time_offset. Raises InputError
     for a position, a height or an angle that nothing tells, with what to write.
     """
     offset_s = (telemetry.time_offset or 0.0) if offset_s is None else offset_s
+    believed = uncertainty or Uncertainty()
     known = np.isfinite(track.latitude_deg) & np.isfinite(track.longitude_deg)
     if not known.any():
         raise InputError(telemetry.file, "telemetry without positions", "a file with latitude and longitude")
@@ -61,7 +66,7 @@ def trajectory_of(
     angles_rad, course_sd_rad = _angles(track, telemetry, known, times_s, way, angles, assumed)
     up_sd_m, attitude_sd_rad = _or_nan(track.height_sd_m, known), _or_nan(track.attitude_sd_rad, known)
     if height_sd_m:
-        up_sd_m = np.hypot(np.nan_to_num(up_sd_m), height_sd_m)
+        up_sd_m = widened(up_sd_m, believed.height_bias, height_sd_m)
     if course_sd_rad:
         attitude_sd_rad = np.full(len(attitude_sd_rad), course_sd_rad)
     sds = np.stack([_or_nan(track.horizontal_sd_m, known), up_sd_m, attitude_sd_rad], axis=1)
@@ -80,6 +85,7 @@ def trajectory_of(
         start_ns,
         clock,
         tuple(assumed),
+        np.array([believed.position_bias, believed.height_bias, believed.attitude_bias]),
     )
 
 
@@ -108,22 +114,24 @@ def _heights(
 ) -> tuple[FloatArray, float]:
     """Heights above the terrain's datum, h (ellipsoid) = H (geoid) + N (undulation), and what N adds to their error."""
     relative = telemetry.height == "relative"
-    heights = (track.relative_height_m if relative else track.absolute_height_m)[known]
-    if np.isnan(heights).all():
-        other = "absolute" if relative else "relative"
-        found = f"telemetry without {telemetry.height} height"
-        raise InputError(telemetry.file, found, f"it, or telemetry.height: {other}")
+    heights = _column(track, telemetry, assumed)[known]
     if relative and telemetry.takeoff_height is None:
         ground_m = ground.height_m(*first_en)
         if math.isnan(ground_m):
-            found = "heights above take-off, and no ground under the first sample"
+            latitude, longitude = float(track.latitude_deg[known][0]), float(track.longitude_deg[known][0])
+            found = (
+                f"heights above take-off, and no ground under the first sample ({latitude:.5f}, {longitude:.5f}, "
+                f"{math.hypot(*first_en) / 1000.0:.1f} km from the middle of the map)"
+            )
             raise InputError(
                 telemetry.file, found, "telemetry.takeoff_height, or a terrain that reaches there"
             )
+        relief_m = _relief_m(ground, first_en)
         assumed.append(
-            f"take-off at the ground under the first sample, {ground_m:.1f} m above the {ground.datum}"
+            f"take-off at the ground under the first sample, {ground_m:.1f} m above the {ground.datum}, to "
+            f"{relief_m:.1f} m, as it rises and falls within {_TAKEOFF_WITHIN_M:.0f} m (telemetry.takeoff_height)"
         )
-        return np.asarray(heights + ground_m), 0.0
+        return np.asarray(heights + ground_m), relief_m
     if relative and telemetry.takeoff_height is not None:
         heights = heights + telemetry.takeoff_height
     datum = telemetry.height_datum or (None if relative else track.height_datum)
@@ -136,6 +144,36 @@ def _heights(
         return np.asarray(heights), 0.0
     undulation_m, sd_m = _undulation(track, telemetry, known, ground, datum, assumed)
     return np.asarray(heights + undulation_m * (1.0 if ground.datum == "ellipsoid" else -1.0)), sd_m
+
+
+def _column(track: Track, telemetry: Telemetry, assumed: list[str]) -> FloatArray:
+    """The heights (N,) that the mission asks for; NaN where a sample has none."""
+    both = {"absolute": track.absolute_height_m, "relative": track.relative_height_m}
+    heights = both.pop(telemetry.height)
+    if np.isfinite(heights).any():
+        return heights
+    ((other, other_heights),) = both.items()
+    if telemetry.height == "relative" and telemetry.flight_height is not None:
+        assumed.append(f"all of the flight is {telemetry.flight_height:g} m above take-off")
+        return np.full(len(heights), telemetry.flight_height)
+    expected = "telemetry.height: relative and telemetry.flight_height, if it was flown at one height"
+    if np.isfinite(other_heights).any():
+        expected = f"telemetry.height: {other}"
+    raise InputError(telemetry.file, f"telemetry without {telemetry.height} height", expected)
+
+
+def _relief_m(ground: Ground, about_en: tuple[float, float]) -> float:
+    """How far the ground about a place is from that below it, root of the mean square, metres."""
+    angles = np.arange(16) * math.pi / 8.0
+    heights = np.array(
+        [
+            ground.height_m(about_en[0] + r * math.sin(a), about_en[1] + r * math.cos(a))
+            for r in (0.5 * _TAKEOFF_WITHIN_M, _TAKEOFF_WITHIN_M)
+            for a in angles.tolist()
+        ]
+    )
+    known = heights[np.isfinite(heights)] - ground.height_m(*about_en)
+    return float(np.sqrt(np.mean(known**2))) if len(known) else 0.0
 
 
 def _undulation(

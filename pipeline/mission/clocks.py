@@ -19,7 +19,8 @@ def settled(streams: Sequence[tuple[str, Trajectory, float]]) -> tuple[list[Traj
 
     A stream without dates is taken to begin with the first one that has them. Streams of local time that do not
     overlap, and are apart by a time zone, are taken to have flown together: a drone whose clock was not set must
-    not make the others' evidence late. Clocks that are known to be UTC are left as they are.
+    not make the others' evidence late. Clocks that are known to be UTC are left as they
+    are, with a warning if they are apart by a zone.
     """
     dated = [(t, s) for _, t, s in streams if t.clock != "unknown"]
     if not dated:
@@ -44,15 +45,20 @@ def _on(
     overlap = -duration_s < ahead_s < reference_s
     zone_s = _ZONE_STEP_S * round(ahead_s / _ZONE_STEP_S)
     is_zone = zone_s != 0.0 and abs(ahead_s - zone_s) <= _ZONE_SLACK_S and abs(zone_s) <= _MOST_ZONE_S
-    if overlap or not is_zone or trajectory.clock == reference.clock == "utc":
+    if overlap or not is_zone:
         return trajectory, None
     found = f"its clock is {_hours(zone_s)} {'ahead of' if zone_s > 0 else 'behind'} the first stream's"
+    apart = f"the flights begin {ahead_s:.1f} s apart, a multiple of a quarter of an hour to {_ZONE_SLACK_S:.0f} s"
+    if trajectory.clock == reference.clock == "utc":
+        text = f"{found}; taken for a later flight, since both are said to be UTC"
+        mend = "if they flew at one time: telemetry.utc_offset, what the drone's clock showed less UTC"
+        return trajectory, Finding("warning", "time_zone", name, text, apart, mend)
     finding = Finding(
         "warning",
         "time_zone",
         name,
         f"{found}; taken for another time zone, so that both flew at one time",
-        f"the flights begin {ahead_s:.1f} s apart, a multiple of a quarter of an hour to {_ZONE_SLACK_S:.0f} s",
+        apart,
         "telemetry.utc_offset of each stream: the local time minus UTC that its drone's clock shows",
     )
     return replace(trajectory, start_ns=trajectory.start_ns - round(zone_s * 1e9)), finding

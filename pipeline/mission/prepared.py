@@ -158,10 +158,9 @@ def _streams(
     for recording in recordings:
         with faults.collected():
             trajectory, coarse = with_resolution(
-                recording.trajectory(terrain.frame, ground.ground),
+                recording.trajectory(terrain.frame, ground.ground, mission.fusion.uncertainty),
                 recording.track,
                 recording.stream.telemetry,
-                mission.fusion.uncertainty,
             )
             flights.append((recording, trajectory))
             findings += coarse

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.config.camera import load_camera
-from pipeline.config.mission import Mission, Stream, Telemetry
+from pipeline.config.mission import Mission, Stream, Telemetry, Uncertainty
 from pipeline.errors import InputError
 from pipeline.geo.camera import Camera
 from pipeline.geo.frame import LocalFrame
@@ -32,7 +32,7 @@ class Recording:
     camera: Camera
     alignment: Alignment
 
-    def trajectory(self, frame: LocalFrame, ground: Ground) -> Trajectory:
+    def trajectory(self, frame: LocalFrame, ground: Ground, uncertainty: Uncertainty) -> Trajectory:
         """The camera's way in the map frame."""
         return trajectory_of(
             self.track,
@@ -41,6 +41,7 @@ class Recording:
             ground,
             offset_s=self.alignment.offset_s,
             angles=self.angles,
+            uncertainty=uncertainty,
         )
 
     def findings(self, trajectory: Trajectory) -> list[Finding]:

@@ -160,6 +160,15 @@ def test_a_date_that_does_not_exist_costs_the_date_only(tmp_path: Path) -> None:
     assert len(track.times_s) == 2
 
 
+def test_a_clock_that_is_set_in_flight_is_believed_by_most_of_its_dates(tmp_path: Path) -> None:
+    wrong = [cue(k).replace("2024-05-01 10:00", "1999-11-30 00:00") for k in (1, 2)]
+    track = read_dji_srt(write(tmp_path / "drone.srt", *wrong, cue(3), cue(4), cue(5)))
+    assert track.start_time_ns == 1_714_557_600_000_000_000
+    assert len(track.times_s) == 5
+    assert "2 dates that the other 3 contradict" in track.assumed[0]
+    assert track.assumed[0].endswith("drone.srt:3)")
+
+
 @pytest.mark.parametrize(
     ("text", "found"),
     [

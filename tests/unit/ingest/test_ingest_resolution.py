@@ -36,8 +36,9 @@ def resolved(
     )
     telemetry = Telemetry.model_validate({"file": "drone.srt"})
     ground = Ground("ellipsoid", lambda east, north: 0.0)
-    trajectory = trajectory_of(track, telemetry, LocalFrame(58.4, 15.57), ground)
-    return with_resolution(trajectory, track, telemetry, Uncertainty.model_validate(uncertainty))
+    believed = Uncertainty.model_validate(uncertainty)
+    trajectory = trajectory_of(track, telemetry, LocalFrame(58.4, 15.57), ground, uncertainty=believed)
+    return with_resolution(trajectory, track, telemetry)
 
 
 def test_what_is_written_finely_states_nothing() -> None:

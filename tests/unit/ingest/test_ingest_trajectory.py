@@ -122,6 +122,6 @@ def test_a_height_that_the_telemetry_lacks_is_named() -> None:
         samples.yaw_rad, samples.pitch_rad, samples.roll_rad,
     )  # fmt: skip
     with pytest.raises(
-        InputError, match=r"telemetry without absolute height; expected it, or telemetry\.height: relative"
+        InputError, match=r"telemetry without absolute height; expected telemetry\.height: relative"
     ):
         at(0.0, bare)

@@ -109,13 +109,33 @@ def test_relative_heights_count_from_the_take_off_or_the_ground_under_the_first_
         way(flight(), Ground("ellipsoid", lambda e, n: math.nan), height="relative", gimbal=gimbal)
 
 
+def test_a_take_off_that_is_assumed_is_as_unsure_as_the_ground_about_it_is_uneven() -> None:
+    gimbal = {"pitch": {"degrees": -45}, "yaw": "course"}
+    slope = Ground("ellipsoid", lambda east, north: 50.0 + 0.1 * east)
+    pose = way(flight(), slope, height="relative", gimbal=gimbal).pose(1.0)
+    assert pose is not None
+    # a tenth of the east of points 25 and 50 m around: 2.5 / sqrt(2) and 5 / sqrt(2), root of the mean square
+    assert pose.height_sd_m == pytest.approx(math.hypot(2.0, math.sqrt((3.125 + 12.5) / 2.0)))
+
+
+def test_a_file_without_any_height_is_used_if_the_mission_says_one() -> None:
+    bare = flight(absolute_height_m=NONE, relative_height_m=NONE)
+    given = {"height": "relative", "gimbal": {"pitch": {"degrees": -45}, "yaw": "course"}}
+    assert way(bare, flight_height={"meters": 40}, **given).positions_enu[0, 2] == 90.0
+    with pytest.raises(InputError, match=r"without relative height; expected .*telemetry.flight_height"):
+        way(bare, **given)
+    with pytest.raises(InputError, match=r"without relative height; expected telemetry.height: absolute"):
+        way(flight(relative_height_m=NONE), **given)
+
+
 def test_the_geoid_model_is_asked_where_no_undulation_is_given_and_its_error_is_kept() -> None:
     ground = Ground("ellipsoid", lambda e, n: 0.0, lambda latitude, longitude: (25.0, 0.5))
     gimbal = {"pitch": {"degrees": -45}, "yaw": "course"}
     trajectory = way(flight(height_datum="geoid"), ground, gimbal=gimbal)
     pose = trajectory.pose(1.0)
     assert pose is not None
-    assert (pose.position_enu[2], pose.height_sd_m) == (125.0, 0.5)
+    assert pose.position_enu[2] == 125.0
+    assert pose.height_sd_m == pytest.approx(math.hypot(2.0, 0.5))  # the mission's 2 m, and the model's
     told = way(flight(), ground, height_datum="geoid", geoid_undulation={"meters": 30}, gimbal=gimbal)
     assert told.positions_enu[0, 2] == 130.0
     assert any("count from the ellipsoid" in text for text in way(flight(), gimbal=gimbal).assumed)
@@ -127,7 +147,7 @@ def test_the_last_sample_holds_to_its_end_and_goes_on_as_it_moved() -> None:
     pose = trajectory.pose(5.0)
     assert pose is not None
     assert pose.position_enu[0] == pytest.approx(10.0, abs=1e-6)
-    assert pose.horizontal_sd_m == pytest.approx(1.0)
+    assert pose.horizontal_sd_m == pytest.approx(math.hypot(1.3, 1.0))  # the mission's 1.3 m, and half of 2 m
     assert trajectory.pose(5.1) is None
     np.testing.assert_allclose(
         pose.enu_from_camera, enu_from_camera(0.0, math.radians(-45.0), 0.0), atol=1e-12

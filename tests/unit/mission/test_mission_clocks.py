@@ -34,8 +34,9 @@ def test_clocks_that_overlap_or_are_apart_by_no_zone_are_left(ahead_ns: int) -> 
     assert starts(stream(HOUR_NS), stream(HOUR_NS + ahead_ns)) == ([HOUR_NS, HOUR_NS + ahead_ns], [])
 
 
-def test_clocks_that_are_known_to_be_utc_are_left() -> None:
-    assert starts(stream(0, "utc"), stream(HOUR_NS, "utc")) == ([0, HOUR_NS], [])
+def test_clocks_that_are_known_to_be_utc_are_left_but_an_hour_apart_is_said() -> None:
+    assert starts(stream(0, "utc"), stream(HOUR_NS, "utc")) == ([0, HOUR_NS], ["time_zone"])
+    assert starts(stream(0, "utc"), stream(400 * 10**9, "utc")) == ([0, 400 * 10**9], [])
 
 
 def test_a_stream_without_dates_begins_with_the_first_that_has_them() -> None:
