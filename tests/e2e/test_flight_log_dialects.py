@@ -25,6 +25,7 @@ from tests.dialects import airdata_csv, column_table, dji_flight_record_csv, lit
 
 ROOT = Path(__file__).resolve().parents[2]
 DEMO = ROOT / "configs/missions/demo"
+SHARED_CASE = ROOT.parent / "shared/data/cases/telemetry/airdata_demo.csv"
 #: writer, what the mission says of it, step of its heights in metres
 DIALECTS: dict[str, tuple[Callable[..., None], dict[str, Any], float]] = {
     "airdata": (airdata_csv.write, {}, 0.03),
@@ -127,4 +128,26 @@ def test_every_dialect_finds_the_demos_people(tmp_path: Path, dialect: str) -> N
     command = [sys.executable, "-m", "actors.cli", "run", str(mission), "--out", str(out), "--local"]
     subprocess.run(command, cwd=ROOT, check=True)
     summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    assert (len(summary["truth"]["found"]), summary["truth"]["false"]) == (9, [])
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(600)
+@pytest.mark.skipif(not SHARED_CASE.exists(), reason="needs ../shared")
+def test_the_shared_airdata_log_finds_the_demos_people(tmp_path: Path) -> None:
+    """Without a word on its format, its clock or its units."""
+    path = mission_in(tmp_path / "demo", "airdata")
+    shutil.copy(SHARED_CASE, path.parent / "drone-1.csv")
+    command = [
+        sys.executable,
+        "-m",
+        "actors.cli",
+        "run",
+        str(path),
+        "--out",
+        str(tmp_path / "run"),
+        "--local",
+    ]
+    subprocess.run(command, cwd=ROOT, check=True)
+    summary = json.loads((tmp_path / "run/summary.json").read_text(encoding="utf-8"))
     assert (len(summary["truth"]["found"]), summary["truth"]["false"]) == (9, [])
