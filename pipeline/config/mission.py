@@ -173,7 +173,9 @@ class Telemetry(Strict):
     height of the geoid above the ellipsoid there; absent: of a geoid model.
     utc_offset: local time minus UTC, where a file's times are local. yaw_offset: added to every yaw.
     longest_gap: between two samples that a pose may be interpolated over. gps_order: of ``GPS(a, b, height)``
-    in DJI's subtitles; absent: latitude first, as the drones that write a height do.
+    in DJI's subtitles; absent: latitude first, as the drones that write a height do. sensor_azimuth: what the
+    camera's angles in MISB metadata count from, the aircraft (``relative``) or north (``absolute``); absent: as
+    the frame centres tell. system_id: the vehicle, in a MAVLink log of several.
     """
 
     file: Path
@@ -193,6 +195,8 @@ class Telemetry(Strict):
     yaw_offset: Radians = 0.0
     longest_gap: PositiveSeconds = 3.0
     gps_order: Literal["longitude_first", "latitude_first"] | None = None
+    sensor_azimuth: Literal["relative", "absolute"] | None = None
+    system_id: int | None = Field(default=None, ge=1, le=255)
 
     @model_validator(mode="after")
     def _columns_are_known(self) -> Telemetry:

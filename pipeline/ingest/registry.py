@@ -9,13 +9,18 @@ from pathlib import Path
 from pipeline.config.mission import Telemetry
 from pipeline.errors import InputError
 from pipeline.ingest.telemetry.airdata_csv import is_airdata_csv, read_airdata_csv
+from pipeline.ingest.telemetry.ardupilot_bin import is_ardupilot_bin, read_ardupilot_bin
 from pipeline.ingest.telemetry.column_table import is_table, read_column_table
 from pipeline.ingest.telemetry.dji_flight_record_csv import (
     is_dji_flight_record_csv,
     read_dji_flight_record_csv,
 )
 from pipeline.ingest.telemetry.dji_srt import is_dji_srt, read_dji_srt
+from pipeline.ingest.telemetry.gopro_gpmf import is_gopro_gpmf, read_gopro_gpmf
 from pipeline.ingest.telemetry.litchi_csv import is_litchi_csv, read_litchi_csv
+from pipeline.ingest.telemetry.mavlink_tlog import is_mavlink_tlog, read_mavlink_tlog
+from pipeline.ingest.telemetry.misb_klv import is_misb_klv, read_misb_klv
+from pipeline.ingest.telemetry.px4_ulog import is_px4_ulog, read_px4_ulog
 from pipeline.ingest.telemetry.not_decoded import require_decoded
 from pipeline.ingest.telemetry.video_subtitles import (
     is_video,
@@ -58,6 +63,12 @@ TELEMETRY_FORMATS = (
         is_dji_flight_record_csv,
         read_dji_flight_record_csv,
     ),
+    # these by their first bytes, then those that can be found in the middle of a file
+    TelemetryFormat("px4-ulog", "PX4 logs (.ulg)", is_px4_ulog, read_px4_ulog),
+    TelemetryFormat("ardupilot-bin", "ArduPilot dataflash logs (.bin)", is_ardupilot_bin, read_ardupilot_bin),
+    TelemetryFormat("gopro-gpmf", "GoPro GPMF (bare, or MP4 with it)", is_gopro_gpmf, read_gopro_gpmf),
+    TelemetryFormat("mavlink-tlog", "MAVLink logs (.tlog)", is_mavlink_tlog, read_mavlink_tlog),
+    TelemetryFormat("misb-klv", "MISB ST 0601 metadata (KLV, or TS with it)", is_misb_klv, read_misb_klv),
     # last: any other table, by the mission's map of its columns
     TelemetryFormat("table", "any table, with telemetry.columns", is_table, read_column_table),
 )

@@ -21,7 +21,16 @@ from pipeline.ingest.telemetry.dji_srt import read_dji_srt
 from pipeline.ingest.track import Track
 from pipeline.mission.faults import Faults
 from pipeline.mission.prepared import Filmed, read_filmed
-from tests.dialects import airdata_csv, column_table, dji_flight_record_csv, litchi_csv
+from tests.dialects import (
+    airdata_csv,
+    ardupilot_bin,
+    column_table,
+    dji_flight_record_csv,
+    klv,
+    litchi_csv,
+    mavlink_tlog,
+    ulog,
+)
 
 ROOT = Path(__file__).resolve().parents[2]
 DEMO = ROOT / "configs/missions/demo"
@@ -37,6 +46,10 @@ DIALECTS: dict[str, tuple[Callable[..., None], dict[str, Any], float]] = {
     ),
     "txtlogtocsv": (partial(dji_flight_record_csv.write, tool="txtlogtocsv"), {}, 0.1),
     "column table": (column_table.write, {"columns": column_table.COLUMNS}, 0.001),
+    "misb klv": (partial(klv.write, ground_m=110.0), {}, 0.31),
+    "mavlink tlog": (mavlink_tlog.write, {}, 0.001),
+    "ardupilot bin": (ardupilot_bin.write, {}, 0.01),
+    "px4 ulog": (ulog.write, {}, 0.001),
 }  # fmt: skip
 
 
