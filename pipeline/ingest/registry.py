@@ -20,8 +20,8 @@ from pipeline.ingest.telemetry.gopro_gpmf import is_gopro_gpmf, read_gopro_gpmf
 from pipeline.ingest.telemetry.litchi_csv import is_litchi_csv, read_litchi_csv
 from pipeline.ingest.telemetry.mavlink_tlog import is_mavlink_tlog, read_mavlink_tlog
 from pipeline.ingest.telemetry.misb_klv import is_misb_klv, read_misb_klv
-from pipeline.ingest.telemetry.px4_ulog import is_px4_ulog, read_px4_ulog
 from pipeline.ingest.telemetry.not_decoded import require_decoded
+from pipeline.ingest.telemetry.px4_ulog import is_px4_ulog, read_px4_ulog
 from pipeline.ingest.telemetry.video_subtitles import (
     is_video,
     is_video_with_subtitles,
