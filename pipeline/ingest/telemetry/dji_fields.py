@@ -1,10 +1,12 @@
-"""What DJI writes in one cue, in the dialects of its drones.
+"""What drones write in one cue of their subtitles, in the dialects of DJI and Autel.
 
 ``[key: value]``      Mavic 2 and later, the enterprise drones: position, heights, gimbal angles, focal length.
 ``GPS(lon, lat, n)``  older ones; n counts satellites. ``RTK(lon, lat, n)``: the Phantom 4 RTK.
-``GPS(lat, lon, h)``  the Matrice 300 (h with an M) and the Avata 2 (h with decimals): latitude first.
-``BAROMETER``, ``Hb``, ``H``: height above take-off. ``G.PRY``, ``F.PRY``: pitch, roll and yaw of the gimbal and of
-the aircraft, degrees.
+``GPS(lat, lon, h)``  the Matrice 300 (h with an M) and the Avata 2 (h with decimals): latitude first. But with
+                      ``D ..m, H ..m`` beside it, as on the Phantom 4, longitude first whatever the third value is.
+``GPS(W: lon, N: lat, hm)`` Autel.
+``BAROMETER:``, ``Hb:``, ``H``: height above take-off. ``BAROMETER(..)`` is not: on the Avata 2 it falls as the drone
+climbs. ``G.PRY``, ``F.PRY``: pitch, roll and yaw of the gimbal and of the aircraft, degrees.
 """
 
 from __future__ import annotations
@@ -26,20 +28,39 @@ _BRACKET_FIELDS = {
     "gb_yaw": "yaw",
     "gb_pitch": "pitch",
     "gb_roll": "roll",
+    "gimbal_yaw": "yaw",
+    "gimbal_pitch": "pitch",
+    "gimbal_roll": "roll",
+    "drone_yaw": "aircraft_yaw",
+    "drone_pitch": "aircraft_pitch",
+    "drone_roll": "aircraft_roll",
 }
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _BRACKET = re.compile(r"\[([^\]\[]*)\]")
-_KEY_VALUE = re.compile(r"(\w+)\s*:\s*([^\s,\]]+)")
+_KEY_VALUE = re.compile(r"(\w+)\s*:\s*([^\s\]]+)")
 _TRIPLE = rf"\(\s*({_NUMBER})\s*,\s*({_NUMBER})\s*,\s*({_NUMBER})\s*([mM]?)\s*\)"
 _GPS = re.compile(rf"\b(GPS|RTK)\s*{_TRIPLE}")
 _PRY = re.compile(
     rf"\b([GF])\.PRY\s*\(\s*({_NUMBER})\s*°?\s*,\s*({_NUMBER})\s*°?\s*,\s*({_NUMBER})\s*°?\s*\)"
 )
 _RELATIVE_HEIGHT = re.compile(
-    rf"(?:\bBAROMETER\s*[:(]|\bHb\s*:|(?:^|[,\s])H\s)\s*({_NUMBER})\s*[mM]?(?=[\s,)]|$)", re.MULTILINE
+    rf"(?:\bBAROMETER\s*:|\bHb\s*:|(?:^|[,\s])H[\s=])\s*({_NUMBER})\s*[mM]?(?=[\s,)]|$)", re.MULTILINE
+)
+_DISTANCE = re.compile(rf"(?:^|[,\s])D\s+{_NUMBER}\s*m\b", re.MULTILINE)
+_AUTEL = re.compile(
+    rf"\bGPS\s*\(\s*([EW])\s*:\s*({_NUMBER})\s*,\s*([NS])\s*:\s*({_NUMBER})\s*,\s*({_NUMBER})\s*m\s*\)"
 )
 _DATE = re.compile(
     r"(\d{4})[-./](\d{1,2})[-./](\d{1,2})[ T](\d{1,2}):(\d{2}):(\d{2})(?:[.,](\d+)(?:,(\d{3}))?)?"
+)
+_LATITUDE_IS_FIRST = (
+    "GPS(a, b, height) is latitude, longitude, height, as the Avata 2 writes it; if it is longitude first, say "
+    "telemetry.gps_order: longitude_first"
+)
+_THIRD_IS_HEIGHT = "the third value of GPS(a, b, height) is a height above the datum, not above take-off"
+_AUTEL_HEIGHT = (
+    "the height in GPS(.., .., height) is taken as the mission's telemetry.height says: absolute, above the datum; "
+    "relative, above take-off (Autel does not say which it is)"
 )
 #: few satellites: metres of standard deviation; with RTK: decimetres
 _FEW_SATELLITES, _POOR_SD_M, _RTK_SD_M = 6.0, 5.0, 0.1
@@ -47,18 +68,18 @@ _FEW_SATELLITES, _POOR_SD_M, _RTK_SD_M = 6.0, 5.0, 0.1
 _LONGEST_MM = 2000.0
 
 
-def fields_of(text: str, order: GpsOrder | None = None) -> tuple[dict[str, float], bool]:
-    """The fields of a cue by the names of ``samples.FIELDS``; NaN for a value that is no number.
+def fields_of(text: str, order: GpsOrder | None = None) -> tuple[dict[str, float], list[str]]:
+    """The fields of a cue by the names of ``samples.FIELDS``, NaN for a value that is no number; what was assumed.
 
-    order: of ``GPS(a, b, h)``, where the mission says it. True if the order of such a position was assumed.
+    order: of ``GPS(a, b, h)``, where the mission says it.
     """
     fields: dict[str, float] = {}
     for bracket in _BRACKET.findall(text):
         for key, value in _KEY_VALUE.findall(bracket):
-            if key in _BRACKET_FIELDS:
-                fields[_BRACKET_FIELDS[key]] = _number(value)
-            elif key == "focal_len":
-                fields["focal_length_35mm"] = _focal_length_mm(value)
+            if (name := _BRACKET_FIELDS.get(key.lower())) is not None:
+                fields[name] = _number(value)
+            elif key.lower() == "focal_len":
+                fields["focal_length_35mm"] = _focal_length_mm(value.rstrip(","))
     assumed = _position(text, fields, order)
     for kind, pitch, roll, yaw in _PRY.findall(text):
         prefix = "" if kind == "G" else "aircraft_"
@@ -82,23 +103,35 @@ def date_ns(text: str) -> int | None:
     return int(whole.timestamp()) * 1_000_000_000 + int(fraction)
 
 
-def _position(text: str, fields: dict[str, float], order: GpsOrder | None) -> bool:
+def _position(text: str, fields: dict[str, float], order: GpsOrder | None) -> list[str]:
+    """Fill in the position; the sentences of what was assumed."""
+    if autel := _AUTEL.search(text):
+        east, longitude, north, latitude, height = autel.groups()
+        fields["longitude"] = float(longitude) * (1.0 if east == "E" else -1.0)
+        fields["latitude"] = float(latitude) * (1.0 if north == "N" else -1.0)
+        fields |= {"absolute_height": float(height), "relative_height": float(height)}
+        return [_AUTEL_HEIGHT]
     found = _GPS.search(text)
     if found is None:
-        return False
+        return []
     kind, *numbers, unit = found.groups()
     one, other, third = (float(number) for number in numbers)
     # a third value with decimals is a height; satellites are counted in whole numbers
-    is_height = bool(unit) or not third.is_integer() or "." in numbers[2]
-    latitude_first = is_height if order is None else order == "latitude_first"
-    if latitude_first and abs(one) > 90.0 >= abs(other):
-        latitude_first = False
+    is_height = bool(unit) or "." in numbers[2] or "e" in numbers[2].lower()
+    told = order is not None or _DISTANCE.search(text) is not None
+    latitude_first = order == "latitude_first" if told else is_height
+    if abs(one) > 90.0 >= abs(other) or abs(other) > 90.0 >= abs(one):
+        told, latitude_first = True, abs(other) > 90.0
     fields["latitude"], fields["longitude"] = (one, other) if latitude_first else (other, one)
     if kind == "RTK":
         fields |= {"horizontal_sd": _RTK_SD_M, "height_sd": _RTK_SD_M}
     elif not is_height and third < _FEW_SATELLITES:
         fields |= {"horizontal_sd": _POOR_SD_M, "height_sd": 1.5 * _POOR_SD_M}
-    return order is None and is_height and not unit
+    if not is_height or unit or kind == "RTK":
+        return []
+    # with an M it stays at 0.0 while the barometer climbs, so that is not used
+    fields["absolute_height"] = third
+    return [_THIRD_IS_HEIGHT] if told else [_LATITUDE_IS_FIRST, _THIRD_IS_HEIGHT]
 
 
 def _focal_length_mm(text: str) -> float:
@@ -108,8 +141,9 @@ def _focal_length_mm(text: str) -> float:
 
 
 def _number(text: str) -> float:
+    """A number, with a decimal comma too; NaN for what is none."""
     try:
-        value = float(text)
+        value = float(text.rstrip(",").replace(",", "."))
     except ValueError:
         return math.nan
     return value if math.isfinite(value) else math.nan

@@ -1,4 +1,4 @@
-"""DJI's subtitle telemetry: a cue per picture, or per second, as a file beside the video."""
+"""Telemetry as subtitles, of DJI and Autel: a cue per picture, or per second, as a file beside the video."""
 
 from __future__ import annotations
 
@@ -40,16 +40,12 @@ def read_dji_srt(path: Path, order: GpsOrder | None = None) -> Track:
 
 def track_of_cues(path: object, cues: Sequence[Cue], order: GpsOrder | None, cut: Cue | None = None) -> Track:
     """The track of cues, wherever they come from. cut: a cue that was not written to its end."""
-    left_out, assumed = LeftOut(), set()
+    left_out, assumed = LeftOut(), set[str]()
     dates = [date_ns(cue.text) for cue in cues]
     samples = []
     for cue, time_s, date in zip(cues, _times_s(cues, dates), dates, strict=True):
-        values, order_assumed = fields_of(cue.text, order)
-        if order_assumed:
-            assumed.add(
-                "GPS(a, b, height) is latitude, longitude, height, as the Avata 2 writes it; if it is longitude "
-                "first, say telemetry.gps_order: longitude_first"
-            )
+        values, of_position = fields_of(cue.text, order)
+        assumed.update(of_position)
         samples.append(Sample(cue.where, time_s, values if cue.text else {}, date, cue.end_s))
     if cut is not None:
         left_out.add("incomplete", cut.where)

@@ -81,7 +81,7 @@ def without_telemetry(path: Path) -> InputError:
         found = "a video that cannot be opened"
     expected = (
         "telemetry.file: the drone's SRT beside the video (DJI Fly: camera settings, Video Subtitles), or the flight "
-        "log as CSV (Airdata, Litchi)"
+        "log as CSV (Airdata, Litchi), or a table of what exiftool -ee finds in it (telemetry.columns)"
     )
     return InputError(path, found, expected)
 

@@ -88,8 +88,23 @@ PHANTOM_RTK += "H.S 0.30m/s, V.S 0.00m/s, F.PRY (-5.3°, 2.1°, 28.3°), G.PRY (
         ("GPS(149.0251,-20.2533,16) BAROMETER:1.9", -20.2533, 149.0251, 1.9),
         ("GPS(36.6146,-6.1120,0.0M) BAROMETER:0.8M", 36.6146, -6.1120, 0.8),
         ("GPS (-121.7458, 48.0771, 17), D 221.21m, H 200.70m, H.S n/a", 48.0771, -121.7458, 200.7),
-        ("GPS(48.401743,15.574815,69.800) BAROMETER(91.2) HOME(48.4017,15.5748)", 48.401743, 15.574815, 91.2),
-        ("GPS(149.0,-20.2,69.800) BAROMETER(-3.5)", -20.2, 149.0, -3.5),
+        ("GPS(39.906,116.391,69.8) BAROMETER(91.2) \nHOME(39.9,116.4) D=5.2m H=1.5m", 39.906, 116.391, 1.5),
+        ("GPS(149.0,-20.2,69.800) BAROMETER:-3.5", -20.2, 149.0, -3.5),
+        ("GPS(39.9,116.4,18) BAROMETER:2.0", 39.9, 116.4, 2.0),
+        (
+            "F/3.5, SS 1000, GPS (24.0, 57.0, 72.5), D 24.26m, H 0.50m, G.PRY (-51.1°, 0.0°, -58.9°)",
+            57.0,
+            24.0,
+            0.5,
+        ),
+        (
+            "GPS(W: 97.109543, N: 32.593742, 174.21m)\nF.PRY (0.6°, 1.2°, -31.2°)",
+            32.593742,
+            -97.109543,
+            174.21,
+        ),
+        ("HOME(E: 20.0, S: 1.0) 2025-01-01 12:00:01\nGPS(E: 20.5, S: 1.5, 001.01m)", -1.5, 20.5, 1.01),
+        ("[latitude: 58,401743] [longitude: 15,574815], [rel_alt: 4,2]", 58.401743, 15.574815, 4.2),
         ("GPS(7.5,-33.9,11) Hb:-12.5 Hs:1.9", -33.9, 7.5, -12.5),
         ("[latitude : -20.2533] [longtitude : 149.0251] [rel_alt: 4.2]", -20.2533, 149.0251, 4.2),
         ("<b>GPS(10.5,-60.25,9)</b>\nBAROMETER: 7", -60.25, 10.5, 7.0),
@@ -113,7 +128,24 @@ def test_an_order_that_is_assumed_is_said_and_can_be_told(tmp_path: Path) -> Non
     assumed, told = read_dji_srt(path), read_dji_srt(path, "longitude_first")
     assert (assumed.latitude_deg[0], told.latitude_deg[0]) == (48.40, 15.57)
     assert "telemetry.gps_order" in assumed.assumed[0]
-    assert told.assumed == ()
+    assert assumed.absolute_height_m[0] == told.absolute_height_m[0] == 69.8
+    assert [a for a in told.assumed if "gps_order" in a] == []
+
+
+def test_the_names_of_angles_differ_by_dialect() -> None:
+    fields, _ = fields_of("[Gimbal_Yaw : 12.5] [gimbal_pitch: -40] [drone_yaw: 8.0] [drone_pitch: 1.0]")
+    assert (fields["yaw"], fields["pitch"], fields["aircraft_yaw"]) == (12.5, -40.0, 8.0)
+    fields, _ = fields_of("F.PRY (0.6°, 1.2°, -31.2°), G.PRY (-40.3°, 0.0°, -30.2°)")
+    assert (fields["aircraft_roll"], fields["aircraft_yaw"], fields["pitch"], fields["yaw"]) == (
+        1.2, -31.2, -40.3, -30.2,
+    )  # fmt: skip
+
+
+def test_a_height_that_nobody_names_is_used_as_told_and_said(tmp_path: Path) -> None:
+    text = "1\n00:00:00,000 --> 00:00:01,000\nGPS(E: 15.5, N: 58.4, 45.50m)\n\n"
+    track = read_dji_srt(write(tmp_path / "drone.srt", text))
+    assert (track.absolute_height_m[0], track.relative_height_m[0]) == (45.5, 45.5)
+    assert "Autel does not say which it is" in track.assumed[0]
 
 
 @pytest.mark.parametrize(
@@ -221,7 +253,7 @@ REAL = {
     "T/p4p_sample.SRT": (5, 47.4692, 8.2090, NAN, 45.6, NAN, NAN, 0, {}),
     "T/broken_incomplete.SRT": (19, -34.7383, -58.4563, NAN, 20.1, NAN, NAN, 1_499_076_903_000_000_000, {"empty": 1}),
     "C/10Hz.srt": (40, 58.401743332, 15.574815181, 128.651, 15.384, 0.0, -45.0, DEMO_NS, {}),
-    "C/avata2_lat_first.srt": (2, 48.401743, 15.574815, NAN, 91.2, NAN, NAN, 0, {}),
+    "C/avata2_lat_first.srt": (2, 48.401743, 15.574815, 69.8, NAN, NAN, NAN, 0, {}),
     "C/cut30.srt": (210, 58.401770266, 15.574815181, 128.801, 15.534, 0.0, -45.0, DEMO_NS + 10**9, {}),
     "C/cut_in_middle.srt": (4, 58.4017433, 15.5748151, 128.651, 15.384, 0.0, -45.0, DEMO_NS, {"incomplete": 1}),
     "C/drone-2h.srt": (240, 58.401743333, 15.575328273, 125.571, 14.665, 0.0, -45.0, DEMO_NS + 3600 * 10**9, {}),
