@@ -13,8 +13,8 @@ import numpy as np
 
 from pipeline.allocation.plan import Assignment
 from pipeline.config.pool import PoolDetector
-from pipeline.detection import NotFiniteError, open_pool_detector
-from pipeline.errors import SearchlightError, failure
+from pipeline.detection import PERSONS, Detector, NotFiniteError, open_pool_detector
+from pipeline.errors import InputError, SearchlightError, failure
 from pipeline.link.channel import LinkSender, Receiver
 from pipeline.link.codec import Codec
 from pipeline.messages import EndOfStream, Message, Packet
@@ -55,11 +55,16 @@ class MachineActor:
         detectors: Mapping[str, PoolDetector],
         reducer: Address,
         realtime: bool,
+        layers: Mapping[str, int] = PERSONS,
     ) -> Address:
-        """Load the pool's detectors, begin to listen; the address for the substreams' packets."""
+        """Load the pool's detectors, begin to listen; the address for the substreams' packets.
+
+        layers: ids of the map's layers by name.
+        """
+        self._layers = layers
         self._results.connect(_RESULTS, reducer, self._token)
         for a in assignments:
-            detector = open_pool_detector(detectors[a.pool_detector])
+            detector = self._opened(a, detectors[a.pool_detector])
             # the first picture takes longer than all others: not while the drone flies
             with contextlib.suppress(NotFiniteError):  # of a black picture; frames are dropped and counted
                 detector.detect(np.zeros((576, 1024, 3), dtype=np.uint8))
@@ -69,6 +74,14 @@ class MachineActor:
             threading.Thread(target=self._work, args=(stage, waiting, realtime), daemon=True).start()
         self._receiver = Receiver(self._host, self._receive, token=self._token)
         return self._receiver.address
+
+    def _opened(self, assignment: Assignment, detector: PoolDetector) -> Detector:
+        """Raises InputError, with the machine's name, for what cannot be had here, such as CUDA."""
+        try:
+            return open_pool_detector(detector, self._layers, assignment.setup)
+        except InputError as error:
+            where = f"machine {self._machine}: {error.where}"
+            raise InputError(where, error.found, error.expected) from None
 
     def status(self) -> MachineStatus:
         """A snapshot."""

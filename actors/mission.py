@@ -143,7 +143,7 @@ class _Wiring:
         given = {m: tuple(a for a in plan.assignments if a.machine == m) for m in self._machines}
         used = {a.pool_detector: self._prepared.runnable(a.pool_detector) for a in plan.assignments}
         started = {
-            m: actor.start.remote(given[m], used, reducer_address, realtime)
+            m: actor.start.remote(given[m], used, reducer_address, realtime, self._prepared.layers)
             for m, actor in self._machines.items()
         }
         return {a.detector: _get(started[a.machine]) for a in plan.assignments}

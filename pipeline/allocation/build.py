@@ -16,6 +16,7 @@ from pipeline.config.inventory import Inventory
 from pipeline.config.mission import Processing
 from pipeline.config.pool import Pool, PoolDetector
 from pipeline.errors import InputError
+from pipeline.sensor.setup import Setup, setup_of
 
 #: 0.1 s at 30 Hz is 3 frames, not the 4 that the float product 3.0000000000000004 would give
 _ROUNDING = 1e-9
@@ -93,6 +94,7 @@ def _check_types(inventory: Inventory, pool: Pool, where: Path) -> None:
                 repr(kind),
                 f"a machine type of the pool: {_names(timed)}",
             )
+    _check_providers(inventory, pool, where)
     for detector in pool.detectors:
         kinds = {time.machine for time in detector.times}
         if not kinds & owned.keys():
@@ -101,6 +103,19 @@ def _check_types(inventory: Inventory, pool: Pool, where: Path) -> None:
                 f"only machines that are not there: {_names(kinds)}",
                 f"a time on a machine type of the inventory: {_names(set(owned))}",
             )
+
+
+def _check_providers(inventory: Inventory, pool: Pool, where: Path) -> None:
+    """A time that was measured with CUDA says nothing of a machine that the inventory gives none."""
+    for machine in (m for site in inventory.sites for m in site.machines):
+        for detector in pool.detectors:
+            for time in detector.times:
+                if time.machine == machine.type and (time.provider or machine.provider) != machine.provider:
+                    raise InputError(
+                        f"{where} inventory machine {machine.id}.provider",
+                        machine.provider,
+                        f"{time.provider}, with which the pool timed {detector.id} on {machine.type}",
+                    )
 
 
 def _names(names: set[str]) -> str:
@@ -147,13 +162,13 @@ def _detectors(
     limit_s = max_frame_time_s(processing)
     accuracies = {d.id: accuracies_of(d, levels, where) for d in pool.detectors}
     timed = [
-        (network, machine, time.mean if time.maximum is None else time.maximum)
+        (network, machine, time.mean if time.maximum is None else time.maximum, setup_of(network, time))
         for machine, kind in _machines(inventory)
         for network in pool.detectors
         for time in network.times
         if time.machine == kind
     ]
-    if min(time_s for _, _, time_s in timed) > limit_s + _ROUNDING:
+    if min(time_s for _, _, time_s, _ in timed) > limit_s + _ROUNDING:
         _refuse_slow(processing, timed, limit_s, where)
     return tuple(
         Detector(
@@ -166,8 +181,9 @@ def _detectors(
             accuracy=accuracies[network.id],
             execution_s=time_s * mode.factor,
             sharing=mode.detectors,
+            setup=setup,
         )
-        for network, machine, time_s in timed
+        for network, machine, time_s, setup in timed
         for mode in sharing_modes(processing, network, where)
         if time_s * mode.factor <= limit_s + _ROUNDING
     )
@@ -175,11 +191,11 @@ def _detectors(
 
 def _refuse_slow(
     processing: Processing,
-    timed: list[tuple[PoolDetector, MachineLimit, float]],
+    timed: list[tuple[PoolDetector, MachineLimit, float, Setup]],
     limit_s: float,
     where: Path,
 ) -> None:
-    network, machine, time_s = min(timed, key=lambda found: found[2])
+    network, machine, time_s, _ = min(timed, key=lambda found: found[2])
     raise InputError(
         f"{where} processing",
         f"no detector that is fast enough; the fastest, {network.id} on {machine.id}, takes {time_s:g} s",

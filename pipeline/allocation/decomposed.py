@@ -155,9 +155,8 @@ def _assignments(
     for use, m in detectors:
         d = by_id[aggregation.kinds[use.kind].detectors[m]]
         bitrate_bps, codec = problem.bitrates_bps[use.level], problem.codec(use.level)
-        by_stream[use.stream].append(
-            Assignment(use.stream, d.id, d.detector, d.machine, d.site, d.period, 0, bitrate_bps, codec)
-        )
+        where = (use.stream, d.id, d.detector, d.machine, d.site)
+        by_stream[use.stream].append(Assignment(*where, d.period, 0, bitrate_bps, codec, d.setup))
     before = {(a.stream, a.detector): a.phase for a in running}
     phased = [a for of_stream in by_stream.values() for a in _phased(problem, of_stream, before)]
     return tuple(sorted(phased, key=lambda a: (a.stream, a.phase, a.detector)))

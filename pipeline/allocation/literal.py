@@ -115,6 +115,7 @@ def _assignments(
             next(f for f, y in enumerate(literal.y[v][d]) if solver.boolean_value(y)),
             problem.bitrates_bps[b],
             problem.codec(b),
+            detector.setup,
         )
         for v, stream in enumerate(problem.streams)
         for d, detector in enumerate(problem.detectors)

@@ -10,6 +10,7 @@ from typing import Any, Literal, get_args
 from pipeline.allocation.problem import Problem
 from pipeline.errors import InputError
 from pipeline.link.codec import Codec
+from pipeline.sensor.setup import PLAIN, Setup, setup_from
 from pipeline.storage.versions import require_version, stamp
 
 Status = Literal["optimal", "feasible", "infeasible", "unknown"]
@@ -22,7 +23,7 @@ class Assignment:
 
     detector: ``MACHINE:DETECTOR``. pool_detector: its id in the pool. phase: 0 .. period - 1.
     bitrate_bps: the level as if every frame were sent; the substream itself takes ``bitrate_bps / period``.
-    codec: of the substream; empty for the mission's one.
+    codec: of the substream; empty for the mission's one. setup: how the network is run there.
     """
 
     stream: str
@@ -34,6 +35,7 @@ class Assignment:
     phase: int
     bitrate_bps: float
     codec: Codec | Literal[""] = ""
+    setup: Setup = PLAIN
 
     @property
     def substream_bps(self) -> float:
@@ -114,7 +116,7 @@ def plan_from_json(text: str, where: object) -> Plan:
     try:
         document = json.loads(text)
         record = document["plan"]
-        record["assignments"] = tuple(Assignment(**a) for a in record["assignments"])
+        record["assignments"] = tuple(_assignment(a) for a in record["assignments"])
         plan = Plan(**record)
     except (ValueError, KeyError, TypeError) as error:
         raise InputError(
@@ -124,6 +126,11 @@ def plan_from_json(text: str, where: object) -> Plan:
     if plan.status not in get_args(Status):
         raise InputError(f"{where} plan.status", repr(plan.status), f"one of {', '.join(get_args(Status))}")
     return plan
+
+
+def _assignment(record: dict[str, Any]) -> Assignment:
+    """Plans from before there were setups have none."""
+    return Assignment(**{**record, "setup": setup_from(record.get("setup", {}))})
 
 
 def plan_table(plan: Plan) -> list[tuple[str, ...]]:

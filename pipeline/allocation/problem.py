@@ -18,6 +18,7 @@ from functools import cached_property
 from typing import Literal
 
 from pipeline.link.codec import Codec
+from pipeline.sensor.setup import PLAIN, Setup
 
 MemoryRule = Literal["ram", "one_detector_per_machine"]
 
@@ -35,6 +36,7 @@ class Detector:
     least 1 (Eq. period). memory_bytes: ram_d. accuracy: acc_d^b in 0..1, one value per level of
     ``Problem.bitrates_bps``. execution_s: time on one frame; the paper's program only sees the period.
     sharing: its times hold while at most so many detectors run on its machine; None: however many do.
+    setup: how it is run there.
     """
 
     id: str
@@ -46,6 +48,7 @@ class Detector:
     accuracy: tuple[float, ...]
     execution_s: float
     sharing: int | None = None
+    setup: Setup = PLAIN
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from pipeline.config.units import Bitrate, Bytes, PositiveSeconds
 from pipeline.errors import InputError
 from pipeline.link.codec import Codec
 
+TileSide = Annotated[int, Field(ge=32, le=16384)]
 Accuracy = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
 
 
@@ -81,6 +82,17 @@ class Calibration(Strict):
     offset: float = Field(allow_inf_nan=False)
 
 
+class Tiles(Strict):
+    """A picture in overlapping tiles. size: width and height in pixels of the picture. overlap: of neighbours,
+    a share of a tile; it should hold the largest person that is looked for in tiles. whole: and one pass over
+    the whole picture, for those who are larger.
+    """
+
+    size: tuple[TileSide, TileSide]
+    overlap: float = Field(default=0.2, ge=0.0, le=0.9)
+    whole: bool = False
+
+
 class PoolDetector(Strict):
     """One detector.
 
@@ -89,7 +101,9 @@ class PoolDetector(Strict):
     above it is worth; absent: the score itself. accuracy: under the codec and by the metric that the
     provenance names; the other accuracies say more of the same. sha256: of model. layout: how it is read, a
     name or a description; absent: found out. names: of its classes, in order, where the file does not say
-    them; ``coco``, ``coco91``: COCO's. classes: which of them are which layer of the map.
+    them; ``coco``, ``coco91``: COCO's. classes: which of them are which layer of the map. input_size: width
+    and height, for a network that leaves them free. tiles: how its pictures are cut; accuracy, times and
+    memory are of all tiles of a picture together. precision: of its weights, as stated.
     """
 
     id: str = Field(pattern=r"^[A-Za-z0-9_.-]+$")
@@ -107,6 +121,9 @@ class PoolDetector(Strict):
     layout: str | Layout | None = None
     names: tuple[str, ...] | Literal["coco", "coco91"] | None = None
     classes: dict[str, tuple[str, ...]] = Field(default_factory=dict)
+    input_size: tuple[TileSide, TileSide] | None = None
+    tiles: Tiles | None = None
+    precision: Literal["float32", "float16", "int8"] | None = None
     sha256: str | None = Field(default=None, pattern=r"^[0-9a-f]{64}$")
 
     def require_model(self, where: object) -> Path:

@@ -13,15 +13,22 @@ from pipeline.config.layout import Layout
 from pipeline.config.pool import Calibration, PoolDetector
 from pipeline.detection.class_names import PERSON, class_groups, known_names
 from pipeline.detection.decoders import decode
+from pipeline.detection.model_file import require_hash
 from pipeline.detection.nms import non_maximum_suppression
 from pipeline.detection.preparation import Preparation
 from pipeline.detection.recognition import Recognised, recognise
 from pipeline.detection.session import Session
-from pipeline.detection.trial import one_picture, preparation_of
+from pipeline.detection.tiles import merged, windows_of
+from pipeline.detection.trial import one_picture, preparation_of, takes_batches
 from pipeline.messages import FloatArray
 from pipeline.sensor.calibration import calibrated
+from pipeline.sensor.setup import PLAIN, Setup, Tiling, setup_of
 
 IntArray = NDArray[np.int64]
+#: boxes (N, 4), scores (N,), class ids (N,)
+Found = tuple[FloatArray, FloatArray, IntArray]
+#: more tiles in one batch take more memory, not less time
+TILES_AT_ONCE = 8
 #: candidates below it are nothing to anybody, and are not decoded
 LEAST_SCORE = 1e-4
 PERSONS = {PERSON: 0}
@@ -50,15 +57,23 @@ class Detector:
         score_threshold: float,
         calibration: Calibration | None = None,
         recognised: Recognised | None = None,
+        setup: Setup = PLAIN,
+        batches: bool = False,
     ) -> None:
         """classes: of each class that is reported, which of the network's are it. score_threshold: of the
-        network's own scores. calibration: what the reported ones are made with.
+        network's own scores. calibration: what the reported ones are made with. setup: as it was opened.
+        batches: several tiles may be given at once.
         """
         self._session, self.layout, self.score_threshold = session, layout, score_threshold
         self._preparation, self._calibration = preparation, calibration
         self._ids = np.array(list(classes), np.int64)
         self._groups = tuple(classes.values())
-        self.recognised = recognised
+        self.recognised, self.setup, self._batches = recognised, setup, batches
+
+    @property
+    def class_ids(self) -> frozenset[int]:
+        """Ids of the layers of the map that it knows."""
+        return frozenset(self._ids.tolist())
 
     def detect(self, image: NDArray[np.uint8]) -> tuple[FloatArray, FloatArray, IntArray]:
         """Objects in a picture (H, W, 3) RGB, of each class by falling score.
@@ -79,11 +94,61 @@ class Detector:
         """All that the network says from a score on, or NaN: boxes (N, 4) xyxy in pixels of the picture,
         scores (N,), class ids (N,).
         """
-        placed, placement = self._preparation.place(image)
-        outputs = one_picture(self._session.run(self._preparation.inputs([placed])))
-        size = (placed.shape[1], placed.shape[0])
-        found = decode(outputs, size, self.layout, self._groups, least)
-        return placement.image_from_input(found.boxes), found.scores, self._ids[found.group]
+        if self.setup.tiling is None:
+            return self._looked([image], least)[0]
+        height, width = image.shape[:2]
+        windows = windows_of(width, height, self.setup.tiling)
+        parts = self._in_windows(image, windows, least)
+        window = np.concatenate([np.full(len(part[1]), k) for k, part in enumerate(parts)])
+        boxes, scores, classes = (np.concatenate(column) for column in zip(*parts, strict=True))
+        return self._merged(boxes, scores, classes, window, windows, (width, height))
+
+    def _in_windows(self, image: NDArray[np.uint8], windows: IntArray, least: float) -> list[Found]:
+        """What is found in each window, in pixels of the picture, each person once in each."""
+        parts = []
+        for first in range(0, len(windows), TILES_AT_ONCE):
+            some = windows[first : first + TILES_AT_ONCE]
+            tiles = [image[y0:y1, x0:x1] for x0, y0, x1, y1 in some.tolist()]
+            for (boxes, scores, classes), (x0, y0, _, _) in zip(
+                self._looked(tiles, least), some, strict=True
+            ):
+                kept = _suppressed(boxes, scores, classes, self._ids, self.layout.nms_iou)
+                parts.append((boxes[kept] + np.array([x0, y0, x0, y0], float), scores[kept], classes[kept]))
+        return parts
+
+    def _looked(self, images: list[NDArray[np.uint8]], least: float) -> list[Found]:
+        """Candidates in each picture, in its own pixels."""
+        pairs = [self._preparation.place(image) for image in images]
+        placed, placements = [p for p, _ in pairs], [p for _, p in pairs]
+        count = len(placed)
+        if count > 1 and not (self._batches and len({p.shape for p in placed}) == 1):
+            return [found for image in images for found in self._looked([image], least)]
+        outputs = self._session.run(self._preparation.inputs(placed))
+        size = (placed[0].shape[1], placed[0].shape[0])
+        results = []
+        for number, placement in enumerate(placements):
+            found = decode(one_picture(outputs, number, count), size, self.layout, self._groups, least)
+            results.append((placement.image_from_input(found.boxes), found.scores, self._ids[found.group]))
+        return results
+
+    def _merged(
+        self,
+        boxes: FloatArray,
+        scores: FloatArray,
+        classes: IntArray,
+        window: IntArray,
+        windows: IntArray,
+        size: tuple[int, int],
+    ) -> Found:
+        """Each person once. What is not finite is left as it is, for the caller to see."""
+        unusable = ~(np.isfinite(boxes).all(axis=1) & np.isfinite(scores))
+        parts = [(boxes[unusable], scores[unusable], classes[unusable])]
+        for identity in self._ids:
+            same = (classes == identity) & ~unusable
+            one, worth, _ = merged(boxes[same], scores[same], window[same], windows, size)
+            parts.append((one, worth, np.full(len(worth), identity)))
+        together = [np.concatenate(column) for column in zip(*parts, strict=True)]
+        return together[0], together[1], together[2]
 
     def finite(self, boxes: FloatArray, scores: FloatArray) -> NDArray[np.bool_]:
         """Which candidates (N,) are finite; a box that would not be reported may be what it likes."""
@@ -127,25 +192,42 @@ def load_detector(
     names: Sequence[str] | str | None = None,
     classes: Mapping[str, Sequence[str]] | None = None,
     layers: Mapping[str, int] = PERSONS,
+    input_size: tuple[int, int] | None = None,
+    tiling: Tiling | None = None,
+    setup: Setup | None = None,
 ) -> Detector:
     """Open an ONNX file of a known layout, or of the one that is described.
 
     names: of its classes, where its metadata does not say them. classes: which of them are which layer of
-    the map, layers: the ids of these. Raises InputError if the file is missing, not ONNX, cannot be run or
-    knows none of the layers; LayoutQuestionError for an unknown layout.
+    the map, layers: the ids of these. setup: in place of threads, provider, input_size, tiling. Raises
+    InputError if the file is missing, not ONNX, cannot be run or knows none of the layers;
+    LayoutQuestionError for an unknown layout.
     """
-    session = Session(path, threads, provider)
-    found = recognise(session, path, asked=layout, names=known_names(names))
+    setup = setup or Setup(path.name, "", provider, threads, "", input_size, tiling)
+    session = Session(path, setup.threads, setup.provider)
+    found = recognise(session, path, asked=layout, names=known_names(names), size=setup.input_size)
     groups = class_groups(found.names, classes or {}, layers, first=found.layout.first_class, where=path)
     preparation = preparation_of(found.layout, found.facts)
-    return Detector(session, found.layout, preparation, groups, score_threshold, calibration, found)
+    batches = setup.tiling is not None and takes_batches(
+        session, found.layout, preparation, found.facts.picture.shape[0]
+    )
+    return Detector(
+        session, found.layout, preparation, groups, score_threshold, calibration, found, setup, batches
+    )
 
 
-def open_pool_detector(detector: PoolDetector, layers: Mapping[str, int] = PERSONS) -> Detector:
-    """A detector of the pool, as the pool says that it is used. Raises InputError as load_detector does."""
+def open_pool_detector(
+    detector: PoolDetector, layers: Mapping[str, int] = PERSONS, setup: Setup | None = None
+) -> Detector:
+    """A detector of the pool, run as the plan says; without a plan on one thread of the processor.
+
+    Raises InputError as load_detector does, and for a file that is not the one that the pool was made with.
+    """
     model = detector.require_model(f"{detector.id}.model")
+    require_hash(model, detector.sha256)
     return load_detector(
         model,
+        setup=setup or setup_of(detector),
         score_threshold=detector.score_threshold,
         calibration=detector.calibration,
         layout=detector.layout,

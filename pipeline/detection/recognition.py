@@ -60,14 +60,16 @@ def recognise(
     *,
     asked: str | Layout | None = None,
     names: tuple[str, ...] | None = None,
+    size: tuple[int, int] | None = None,
 ) -> Recognised:
     """The layout of an open model.
 
     asked: what the pool says, the name of a layout or a description. names: of the classes, by the pool.
+    size: width and height of the input, by the pool, where the model leaves them free.
     Raises InputError for a model that cannot be used, LayoutQuestionError where it is not certain.
     """
     try:
-        facts = gather(session, path, names)
+        facts = gather(session, path, names, size)
         if isinstance(asked, Layout):
             described = Proposal(
                 "described", asked, ("the pool describes it",), _described_classes(asked, facts)
@@ -212,14 +214,19 @@ def _described_classes(layout: Layout, facts: Facts) -> int | None:
     return None
 
 
-def gather(session: Session, path: Path, names: tuple[str, ...] | None = None) -> Facts:
+def gather(
+    session: Session,
+    path: Path,
+    names: tuple[str, ...] | None = None,
+    input_size: tuple[int, int] | None = None,
+) -> Facts:
     """Everything that a model shows, its outputs for the trial picture among it.
 
     Raises InputError if it takes no picture, or fails on one.
     """
     signature = session.signature
     picture, axes = picture_of(signature)
-    size, size_from = _size(picture, axes, signature)
+    size, size_from = _size(picture, axes, signature, input_size)
     known = names or metadata_names(signature.metadata)
     shapes = {t.name: tuple(s if isinstance(s, int) else 1 for s in t.shape) for t in signature.outputs}
     facts = Facts(signature, picture, axes, size, size_from, shapes, {}, known)
@@ -279,10 +286,16 @@ def _axes(tensor: Tensor) -> str | None:
     return "nchw" if free else None
 
 
-def _size(picture: Tensor, axes: str, signature: Signature) -> tuple[tuple[int, int] | None, str]:
+def _size(
+    picture: Tensor, axes: str, signature: Signature, wanted: tuple[int, int] | None
+) -> tuple[tuple[int, int] | None, str]:
     high, wide = picture.shape[-2:] if axes.endswith("chw") else picture.shape[-3:-1]
     if isinstance(high, int) and isinstance(wide, int):
+        if wanted not in (None, (wide, high)):
+            raise InputError("input_size", f"{wanted}", f"{wide}, {high}, which the model fixes")
         return (wide, high), "the model"
+    if wanted is not None:
+        return wanted, "the pool (input_size)"
     stated = _stated_size(signature)
     if stated is not None:
         return stated, "its metadata (imgsz)"

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.config.layout import Chosen, Layout, Rows
+from pipeline.config.layout import Chosen, Layout, Pairs, Rows
 from pipeline.detection.decoders import decode
 from pipeline.detection.decoders.candidates import Candidates, Outputs, grid
 from pipeline.detection.facts import Facts
@@ -65,6 +65,9 @@ def try_out(session: Session, proposal: Proposal, facts: Facts) -> Verdict:
     placed, placement = preparation.place(trial_picture())
     outputs = one_picture(session.run(preparation.inputs([placed])))
     size = (placed.shape[1], placed.shape[0])
+    for name, value in outputs.items():
+        if value.dtype.kind == "f" and value.size and not np.isfinite(value).any():
+            return Verdict(refused=f"it says NaN of the trial picture (in {name})")
     if all(np.ptp(np.nan_to_num(np.asarray(v, np.float64))) == 0.0 for v in outputs.values() if np.size(v)):
         return Verdict(silent=True)
     try:
@@ -75,6 +78,37 @@ def try_out(session: Session, proposal: Proposal, facts: Facts) -> Verdict:
     if wrong is not None:
         return Verdict(refused=wrong)
     return _seen(found, placement.image_from_input(found.boxes), outputs, size, proposal.layout)
+
+
+def takes_batches(session: Session, found: Layout, preparation: Preparation, axis: object) -> bool:
+    """Whether a model says the same of two pictures at once as of each alone.
+
+    axis: the size of its batch axis; a number is no choice. Networks that choose among their boxes themselves
+    mix the pictures of a batch.
+    """
+    if isinstance(axis, int) or isinstance(found.output, Chosen) or found.input.axes not in ("nchw", "nhwc"):
+        return False
+    if isinstance(found.output, Pairs) and found.output.selected is not None:
+        return False
+    pictures = [trial_picture(), np.ascontiguousarray(trial_picture()[::-1])]
+    placed = [preparation.place(picture)[0] for picture in pictures]
+    try:
+        both = session.run(preparation.inputs(placed))
+    except InputError:
+        return False
+    for number, picture in enumerate(placed):
+        alone = one_picture(session.run(preparation.inputs([picture])))
+        together = one_picture(both, number, 2)
+        for name, value in alone.items():
+            if together[name].shape != value.shape or not np.allclose(
+                together[name].astype(np.float64),
+                value.astype(np.float64),
+                rtol=1e-2,
+                atol=1e-2,
+                equal_nan=True,
+            ):
+                return False
+    return True
 
 
 def preparation_of(layout: Layout, facts: Facts) -> Preparation:

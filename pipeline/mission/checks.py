@@ -8,8 +8,6 @@ import numpy as np
 
 from pipeline.config.inventory import Inventory, require_streams
 from pipeline.config.mission import Mission, Stream
-from pipeline.config.pool import Pool
-from pipeline.detection import open_pool_detector
 from pipeline.errors import InputError
 from pipeline.geo.search_area import load_search_area
 from pipeline.geo.terrain import Terrain
@@ -117,10 +115,3 @@ def sites_exist(path: Path, mission: Mission, inventory: Inventory) -> None:
                 f"a site of {mission.inventory}: {', '.join(sorted(sites))}",
             )
     require_streams(inventory, mission.inventory, streams, "the mission")
-
-
-def models_load(pool: Pool) -> None:
-    """Raises InputError unless every model of the pool opens."""
-    for detector in pool.detectors:
-        if detector.model is not None:
-            open_pool_detector(detector)

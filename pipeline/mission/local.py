@@ -97,7 +97,7 @@ def make_detectors(prepared: PreparedMission, plan: Plan) -> dict[tuple[str, str
     """One stage, with a decoder of its own, per substream."""
     stages = {}
     for a in plan.assignments:
-        detector = open_pool_detector(prepared.runnable(a.pool_detector))
+        detector = open_pool_detector(prepared.runnable(a.pool_detector), prepared.layers, a.setup)
         stages[a.stream, a.detector] = DetectorStage(detector, a.codec or prepared.mission.processing.codec)
     return stages
 

@@ -6,6 +6,7 @@ from pipeline.allocation.decomposed import solve
 from pipeline.allocation.explain import explain
 from pipeline.allocation.plan import Plan
 from pipeline.errors import NoPlanError, NoPlanInTimeError
+from pipeline.mission.detectors import require_planned_layers
 from pipeline.mission.prepared import PreparedMission
 
 
@@ -23,4 +24,5 @@ def plan(prepared: PreparedMission) -> Plan:
         )
     for assignment in result.assignments:
         prepared.runnable(assignment.pool_detector)
+    require_planned_layers(prepared.layers, prepared.known_layers, result.assignments, prepared.path)
     return result

@@ -25,13 +25,13 @@ from pipeline.ingest.track import Clock
 from pipeline.link.codec import require_codec
 from pipeline.mission.checks import (
     area_is_on_terrain,
-    models_load,
     require_near,
     sites_exist,
     telemetry_covers,
     terrain_covers,
 )
 from pipeline.mission.clocks import settled
+from pipeline.mission.detectors import layers_of, look_at_detectors
 from pipeline.mission.faults import Faults
 from pipeline.mission.recording import Recording, read_recording
 from pipeline.mission.stages.source import StreamInput
@@ -59,6 +59,7 @@ class PreparedMission:
     """A mission whose every file was read and found usable.
 
     findings: what was noticed and assumed on the way. left_out: samples not used, stream -> reason -> count.
+    known_layers: of the map, by name, of every detector of the pool that has a model.
     """
 
     path: Path
@@ -71,6 +72,7 @@ class PreparedMission:
     problem: Problem
     findings: tuple[Finding, ...] = ()
     left_out: Mapping[str, Mapping[str, int]] = field(default_factory=dict)
+    known_layers: Mapping[str, frozenset[str]] = field(default_factory=dict)
 
     @property
     def clock(self) -> Clock:
@@ -82,6 +84,11 @@ class PreparedMission:
     def frame(self) -> LocalFrame:
         """The map frame."""
         return self.terrain.frame
+
+    @property
+    def layers(self) -> dict[str, int]:
+        """The ids of the map's layers by name."""
+        return layers_of(self.mission)
 
     @property
     def relative_accuracy(self) -> dict[str, float]:
@@ -108,7 +115,7 @@ def prepare(path: Path, thorough: bool = False) -> PreparedMission:
         sites_exist(path, mission, inventory)
     with faults.collected():
         pool = load_pool(mission.pool)
-        models_load(pool)
+        look = look_at_detectors(pool, layers_of(mission), mission.pool)
     with faults.collected():
         for codec in (mission.processing.codec, *mission.processing.codecs):
             require_codec(codec)
@@ -120,7 +127,17 @@ def prepare(path: Path, thorough: bool = False) -> PreparedMission:
         person_px = {s.stream: _person_px(terrain, cameras[s.stream], s) for s in streams}
     problem = build_problem(own_site, mission.processing, inventory, pool, where=path, person_px=person_px)
     return PreparedMission(
-        path, mission, inventory, pool, terrain, cameras, streams, problem, filmed.findings, filmed.left_out
+        path,
+        mission,
+        inventory,
+        pool,
+        terrain,
+        cameras,
+        streams,
+        problem,
+        (*look.findings, *filmed.findings),
+        filmed.left_out,
+        look.known,
     )
 
 

@@ -77,7 +77,7 @@ class Net:
             self.op(
                 "Reshape",
                 self.op("AveragePool", x, kernel_shape=[s, s], strides=[s, s]),
-                self.const([1, -1], np.int64),
+                self.const([0, -1], np.int64),
             )
             for s in self.strides
         ]
@@ -167,7 +167,11 @@ def _objectness(n: Net, boxes: np.ndarray, repeat: int = 1, ones: bool = False) 
     else:
         objectness = n.op("Unsqueeze", s, n.const([2], np.int64))
         classes = n.const(np.tile(np.eye(n.classes)[n.person], (1, len(boxes), 1)))
-    n.give(n.op("Concat", n.const(boxes[None]), objectness, classes, axis=2), "y", [1, None, 5 + n.classes])
+    nought = n.op("Mul", objectness if not ones else classes, n.const(0.0))  # as many as there are pictures
+    if not ones:
+        classes = n.op("Add", classes, nought)
+    boxes = n.op("Add", n.const(boxes[None]), n.op("ReduceMax", nought, axes=[2], keepdims=1))
+    n.give(n.op("Concat", boxes, objectness, classes, axis=2), "y", [None, None, 5 + n.classes])
 
 
 def yolov5(n: Net) -> None:

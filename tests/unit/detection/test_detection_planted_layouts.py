@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+import planted
 import pytest
 import yaml
-
-pytest.importorskip("onnx", reason="onnx is not installed")
-import planted
 from planted import MEAN, MEAN_BGR, STD, STD_BGR, Net, spot
 
 from pipeline.config.layout import Layout

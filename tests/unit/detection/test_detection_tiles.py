@@ -1,0 +1,106 @@
+"""Pictures in tiles: they cover the picture, and a person on a seam is one person."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pipeline.detection import load_detector
+from pipeline.detection.tiles import merged, windows_of
+from pipeline.sensor.setup import Tiling
+
+sides = st.integers(32, 600)
+
+
+@given(sides, sides, sides, sides, st.floats(0.0, 0.9), st.booleans())
+def test_tiles_cover_the_picture_and_stay_inside_it(width, height, tile_width, tile_height, overlap, whole):
+    windows = windows_of(width, height, Tiling(tile_width, tile_height, overlap, whole))
+    seen = np.zeros((height, width), bool)
+    for x0, y0, x1, y1 in windows:
+        assert 0 <= x0 < x1 <= width
+        assert 0 <= y0 < y1 <= height
+        seen[y0:y1, x0:x1] = True
+    assert seen.all()
+    assert ([0, 0, width, height] in windows.tolist()) >= whole
+
+
+@given(st.integers(200, 600), st.floats(0.0, 0.8))
+def test_neighbouring_tiles_overlap_by_what_was_asked_for_at_least(width, overlap):
+    windows = windows_of(width, 64, Tiling(100, 64, overlap, False))
+    shared = windows[:-1, 2] - windows[1:, 0]
+    assert (shared >= 100 * overlap - 1).all()
+
+
+def test_two_halves_of_a_person_on_a_seam_become_the_person():
+    windows = np.array([[0, 0, 100, 100], [80, 0, 180, 100]])
+    boxes = np.array([[70.0, 20, 100, 90], [80, 20, 120, 90], [10, 10, 30, 60]])
+    window = np.array([0, 1, 0])
+    found, scores, _ = merged(boxes, np.array([0.7, 0.8, 0.9]), window, windows, (180, 100))
+    np.testing.assert_array_equal(found, [[10, 10, 30, 60], [70, 20, 120, 90]])
+    assert scores.tolist() == [0.9, 0.8]
+
+
+def test_a_whole_box_swallows_the_part_of_it_that_another_tile_saw():
+    windows = np.array([[0, 0, 100, 100], [80, 0, 180, 100]])
+    boxes = np.array([[82.0, 20, 98, 90], [82, 20, 97, 60], [82, 22, 98, 90]])
+    found, scores, _ = merged(boxes, np.array([0.6, 0.9, 0.7]), np.array([1, 0, 0]), windows, (180, 100))
+    assert len(found) <= 2
+    assert scores[0] == 0.9
+
+
+def test_people_beside_each_other_in_one_tile_stay_two():
+    windows = np.array([[0, 0, 100, 100], [80, 0, 180, 100]])
+    boxes = np.array([[10.0, 20, 40, 90], [20, 20, 50, 90]])
+    found, _, _ = merged(boxes, np.array([0.6, 0.9]), np.array([0, 0]), windows, (180, 100))
+    assert len(found) == 2
+
+
+@pytest.mark.parametrize("free", [False, True])
+@pytest.mark.parametrize("whole", [False, True])
+@pytest.mark.parametrize("x", [40, 168, 176, 184, 192, 200, 345])
+def test_a_network_finds_in_tiles_what_it_cannot_find_in_the_whole_picture(tmp_path, free, whole, x):
+    """Wherever the person stands, on a seam or not, in tiles one by one or in a batch."""
+    pytest.importorskip("onnx", reason="onnx is not installed")
+    from planted import HEIGHT, WIDTH, Net, yolov8
+
+    net = Net(free=free, metadata={"imgsz": [HEIGHT, WIDTH]})
+    yolov8(net)
+    path = net.save(tmp_path / "n.onnx")
+    image = np.full((2 * HEIGHT, 2 * WIDTH, 3), 90, np.uint8)
+    image[96:104, x : x + 8] = [255, 0, 0]  # a cell of the input at the picture's own size
+    names = ("cow", "person", "boat")
+    frame = load_detector(path, score_threshold=0.3, names=names)
+    tiled = load_detector(path, score_threshold=0.3, names=names, tiling=Tiling(WIDTH, HEIGHT, 0.5, whole))
+    assert len(frame.detect(image)[0]) == 0
+    boxes, _, _ = tiled.detect(image)
+    assert len(boxes) >= 1
+    assert np.abs(boxes[0] - [x + 4 - 12, 100 - 20, x + 4 + 12, 100 + 20]).max() <= 8.0
+
+
+def test_batches_give_what_tiles_one_by_one_give(tmp_path, monkeypatch):
+    pytest.importorskip("onnx", reason="onnx is not installed")
+    from planted import HEIGHT, WIDTH, Net, yolox
+
+    from pipeline.detection.session import Session
+
+    sizes = []
+    run = Session.run
+    monkeypatch.setattr(
+        Session, "run", lambda self, inputs: sizes.append(len(inputs["in"])) or run(self, inputs)
+    )
+    found = []
+    for free in (False, True):
+        net = Net(free=free, bgr=True, range=255.0, metadata={"imgsz": [HEIGHT, WIDTH]})
+        yolox(net)
+        path = net.save(tmp_path / f"{free}.onnx")
+        tiling = Tiling(WIDTH, HEIGHT, 0.25, False)
+        detector = load_detector(path, score_threshold=0.1, names=("a", "person", "b"), tiling=tiling)
+        sizes.clear()
+        image = np.random.default_rng(1).integers(0, 90, (300, 700, 3), dtype=np.uint8)
+        image[40:48, 80:88] = [255, 0, 0]
+        found.append(detector.detect(image))
+        assert sizes == ([1] * 15 if not free else [8, 7]), sizes
+    for a, b in zip(*found, strict=True):
+        np.testing.assert_allclose(a, b, atol=1e-4)
