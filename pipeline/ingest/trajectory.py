@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.geo.pose import enu_from_camera
 from pipeline.ingest.track import Clock
 from pipeline.messages import CameraPose, FloatArray
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Trajectory:
     """Samples in the map frame on the video's clock; ``trajectory_of`` makes it from a track.
 
@@ -60,9 +62,8 @@ class Trajectory:
         index, share = place
         following = min(index + 1, len(self.times_s) - 1)
         position = _mixed(self.positions_enu[index], self.positions_enu[following], share)
-        turned = np.vectorize(math.remainder)(
-            self.angles_rad[following] - self.angles_rad[index], 2.0 * math.pi
-        )
+        turn = (self.angles_rad[following] - self.angles_rad[index]).tolist()
+        turned = np.array([math.remainder(angle, 2.0 * math.pi) for angle in turn])
         yaw, pitch, roll = self.angles_rad[index] + min(max(share, 0.0), 1.0) * turned
         horizontal_m, height_m, attitude_rad = _mixed(
             self.sds[index], self.sds[following], min(max(share, 0.0), 1.0)
@@ -85,10 +86,18 @@ class Trajectory:
             float(scale),
         )
 
+    def covers(self, times_s: FloatArray) -> NDArray[np.bool_]:
+        """Whether there is a pose at each time (N,) of the video."""
+        return np.array([self._between(time_s) is not None for time_s in times_s.tolist()], dtype=np.bool_)
+
+    @cached_property
+    def _half_s(self) -> float:
+        """Half of the usual time between two samples."""
+        return 0.5 * float(np.median(np.diff(self.times_s))) if len(self.times_s) > 1 else 0.0
+
     def _between(self, time_s: float) -> tuple[int, float] | None:
         """The sample before a time, and how far it is to the next one: 0..1, outside of that beyond the ends."""
-        times = self.times_s
-        half_s = 0.5 * float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+        times, half_s = self.times_s, self._half_s
         # a microsecond more: a time written in milliseconds must not fail by its rounding in binary
         if not times[0] - half_s - 1e-6 <= time_s <= self.end_s + 1e-6:
             return None

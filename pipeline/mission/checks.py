@@ -27,7 +27,7 @@ _EDGE_SHARE = 0.03
 def telemetry_covers(stream: Stream, video: VideoInfo, trajectory: Trajectory) -> list[Finding]:
     """How much of the video has no pose. Raises InputError if none of it has one."""
     times_s = np.arange(video.frames) / video.frame_rate
-    missing = sum(trajectory.pose(float(t)) is None for t in times_s)
+    missing = int((~trajectory.covers(times_s)).sum())
     if not missing:
         return []
     first_s, last_s = trajectory.span_s

@@ -18,7 +18,7 @@ from typing import Literal
 
 GpsOrder = Literal["longitude_first", "latitude_first"]
 
-_BRACKET_FIELDS = {
+_NAMED = {
     "latitude": "latitude",
     "longitude": "longitude",
     "longtitude": "longitude",  # so spelt by the Mavic 2
@@ -36,8 +36,7 @@ _BRACKET_FIELDS = {
     "drone_roll": "aircraft_roll",
 }
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-_BRACKET = re.compile(r"\[([^\]\[]*)\]")
-_KEY_VALUE = re.compile(r"(\w+)\s*:\s*([^\s\]]+)")
+_KEY_VALUE = re.compile(r"([A-Za-z_]\w*)\s*:\s*([^\s\]\[]+)")
 _TRIPLE = rf"\(\s*({_NUMBER})\s*,\s*({_NUMBER})\s*,\s*({_NUMBER})\s*([mM]?)\s*\)"
 _GPS = re.compile(rf"\b(GPS|RTK)\s*{_TRIPLE}")
 _PRY = re.compile(
@@ -74,17 +73,17 @@ def fields_of(text: str, order: GpsOrder | None = None) -> tuple[dict[str, float
     order: of ``GPS(a, b, h)``, where the mission says it.
     """
     fields: dict[str, float] = {}
-    for bracket in _BRACKET.findall(text):
-        for key, value in _KEY_VALUE.findall(bracket):
-            if (name := _BRACKET_FIELDS.get(key.lower())) is not None:
-                fields[name] = _number(value)
-            elif key.lower() == "focal_len":
-                fields["focal_length_35mm"] = _focal_length_mm(value.rstrip(","))
-    assumed = _position(text, fields, order)
-    for kind, pitch, roll, yaw in _PRY.findall(text):
+    for key, value in _KEY_VALUE.findall(text):
+        if (name := _NAMED.get(key.lower())) is not None:
+            fields[name] = _number(value)
+        elif key == "focal_len":
+            fields["focal_length_35mm"] = _focal_length_mm(value.rstrip(","))
+    # words first: a search for a pattern that is not there costs more than all else in a long file
+    assumed = _position(text, fields, order) if "GPS" in text or "RTK" in text else []
+    for kind, pitch, roll, yaw in _PRY.findall(text) if "PRY" in text else []:
         prefix = "" if kind == "G" else "aircraft_"
         fields |= {f"{prefix}pitch": float(pitch), f"{prefix}roll": float(roll), f"{prefix}yaw": float(yaw)}
-    if height := _RELATIVE_HEIGHT.search(text):
+    if "relative_height" not in fields and (height := _RELATIVE_HEIGHT.search(text)):
         fields["relative_height"] = float(height.group(1))
     return fields, assumed
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import av
 from av.container import InputContainer
-from av.stream import Stream
+from av.stream import Discard, Stream
 
 from pipeline.errors import InputError
 from pipeline.ingest.telemetry.dji_fields import GpsOrder
@@ -94,6 +94,9 @@ def _cues(path: Path, container: InputContainer, track: Stream) -> Iterator[Cue]
     """The cues; empty packets fill the time between two of them and are none."""
     video = container.streams.best("video")
     first_s = _seconds(video.start_time, video) if video is not None else 0.0
+    for other in container.streams:
+        # the pictures of an hour are gigabytes
+        other.discard = Discard.default if other is track else Discard.all
     is_timed_text = track.codec_context.name == "mov_text"
     number = 0
     for packet in container.demux(track):
