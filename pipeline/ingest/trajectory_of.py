@@ -218,10 +218,12 @@ def _angles(
     if np.isnan(roll).all():
         roll = np.zeros(len(times_s))
         assumed.append("the camera is level sideways (telemetry.gimbal.roll)")
-    for name, values, example in (("yaw", yaw, "course"), ("pitch", pitch, "{degrees: -45}")):
-        if np.isnan(values).all():
-            expected = f"a file with them (telemetry.angles), or telemetry.gimbal: {{{name}: {example}}}"
-            raise InputError(telemetry.file, f"telemetry without gimbal {name}", expected)
+    examples = {"yaw": (yaw, "yaw: course"), "pitch": (pitch, "pitch: {degrees: -45}")}
+    missing = [name for name, (values, _) in examples.items() if np.isnan(values).all()]
+    if missing:
+        example = ", ".join(examples[name][1] for name in missing)
+        expected = f"a file with them (telemetry.angles), or telemetry.gimbal: {{{example}}}"
+        raise InputError(telemetry.file, f"telemetry without gimbal {' and '.join(missing)}", expected)
     turned = np.stack(
         [yaw + mounting.yaw + telemetry.yaw_offset, pitch + mounting.pitch, roll + mounting.roll], axis=1
     )

@@ -24,7 +24,10 @@ def settled(streams: Sequence[tuple[str, Trajectory, float]]) -> tuple[list[Traj
     """
     dated = [(t, s) for _, t, s in streams if t.clock != "unknown"]
     if not dated:
-        return [t for _, t, _ in streams], []
+        text = "telemetry without dates; times are those of the video, and all flights are taken to begin together"
+        return [t for _, t, _ in streams], [
+            Finding("assumed", "clock_unknown", name, text) for name, _, _ in streams
+        ]
     reference, reference_s = dated[0]
     result, findings = [], []
     for name, trajectory, duration_s in streams:

@@ -60,7 +60,13 @@ def test_every_frame_is_accounted_for(summary: dict[str, Any]) -> None:
 def test_the_map_lies_where_the_terrain_lies(demo_run: Path) -> None:
     with rasterio.open(demo_run / "saliency.tif") as saliency, rasterio.open(DEMO / "terrain.tif") as terrain:
         bounds = rasterio.warp.transform_bounds(saliency.crs, terrain.crs, *saliency.bounds)
-    assert bounds == pytest.approx(tuple(terrain.bounds), abs=2.0)
+        west, south, east, north = terrain.bounds
+    # of the terrain what the flights can see is mapped, and cells lie askew to its grid
+    assert bounds[0] > west - 2.0
+    assert bounds[1] > south - 2.0
+    assert bounds[2] < east + 2.0
+    assert bounds[3] < north + 2.0
+    assert (bounds[2] - bounds[0]) * (bounds[3] - bounds[1]) > 0.8 * (east - west) * (north - south)
 
 
 def test_the_shipped_files_are_small_enough_to_keep() -> None:

@@ -74,9 +74,7 @@ def without_telemetry(path: Path) -> InputError:
         with av.open(str(path), options=_OPTIONS) as container:
             handlers = [s.metadata.get("handler_name", "").strip().lower() for s in container.streams]
         if any(handler.startswith(_DJI_DATA) for handler in handlers):
-            found = (
-                "a video whose telemetry is in DJI's own data track (djmd), which has no public description"
-            )
+            found = "a video whose telemetry is in DJI's own data track (djmd), which is not read here"
     except (av.FFmpegError, OSError):
         found = "a video that cannot be opened"
     expected = (

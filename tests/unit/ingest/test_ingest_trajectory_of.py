@@ -44,7 +44,8 @@ def yaw_deg(trajectory: Trajectory, time_s: float = 1.0) -> float:
 
 def test_without_angles_the_error_says_what_to_write() -> None:
     with pytest.raises(
-        InputError, match=r"without gimbal yaw; expected .*telemetry.angles.*gimbal: \{yaw: course\}"
+        InputError,
+        match=r"without gimbal yaw and pitch; .*telemetry.angles.*gimbal: \{yaw: course, pitch: \{degrees: -45\}\}",
     ):
         way(flight())
     with pytest.raises(InputError, match=r"without gimbal pitch; .*pitch: \{degrees: -45\}"):
