@@ -76,7 +76,7 @@ def check(
     from pipeline.mission.prepared import prepare
 
     mission = find_mission(mission)
-    prepared = prepare(mission, thorough=True)
+    prepared = prepare(mission)
     result = plan(prepared)
     for finding in prepared.findings:
         _say(str(finding))

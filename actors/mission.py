@@ -120,7 +120,9 @@ class _Wiring:
         addresses = self._start_machines(plan, realtime)
         start_s = time.time() + START_DELAY_S
         streams = self._prepared.streams
-        offsets_s = pacing_offsets_s([s.start_ns for s in streams], [s.video.duration_s for s in streams])
+        offsets_s = pacing_offsets_s(
+            [s.start_ns for s in streams], [s.end_s - s.video.start_s for s in streams]
+        )
         self._started = time.monotonic()
         for s, offset_s in zip(streams, offsets_s, strict=True):
             _get(self._sources[s.stream].start.remote(addresses, self._options.pace, start_s + offset_s))

@@ -26,7 +26,7 @@ QUEUE_BYTES = 4 * 1024 * 1024
 class SourceStatus:
     """How far the source is.
 
-    frames_done of frames_total frames of the video; sampled: those on the processing clock; frames_dropped:
+    frames_done of frames_total frames of the video; sampled: on the processing clock, or lost; frames_dropped:
     sent to nobody, by reason. bytes_sent: per site. error: what went wrong, or None.
     """
 
@@ -54,7 +54,6 @@ class SourceActor:
         self._assignments = tuple(a for a in assignments if a.stream == stream.stream)
         self._bandwidth = bandwidth_bps
         self._token = token
-        self._frames_done = 0
         self._finished = False
         self._error: SearchlightError | None = None
         self._stage: SourceStage | None = None
@@ -70,10 +69,10 @@ class SourceActor:
         count = self.count()
         return SourceStatus(
             stream=self._stream.stream,
-            frames_done=self._frames_done,
-            frames_total=self._stream.video.frames,
+            frames_done=count.captured,
+            frames_total=self._stream.video.pictures or count.captured,
             finished=self._finished,
-            sampled=len(count.due),
+            sampled=len(count.due) + len(count.lost),
             frames_dropped=dict(count.frames_dropped),
             bytes_sent=dict(self._bytes),
             error=self._error,
@@ -91,7 +90,6 @@ class SourceActor:
     ) -> None:
         try:
             run(addresses, start_time_s)
-            self._frames_done = self._stream.video.frames
             self._finished = True
         except Exception as error:
             self._error = failure(error)
@@ -102,7 +100,6 @@ class SourceActor:
             link.connect(a.site, a.detector, addresses[a.detector])
 
         def wait_until(video_s: float) -> float:
-            self._progress(video_s)
             self._bytes = link.bytes_sent
             time.sleep(max(0.0, start_time_s + video_s - time.time()))
             return time.time() - start_time_s
@@ -121,7 +118,6 @@ class SourceActor:
             sender.send(detector, message)
 
         def wait_until(video_s: float) -> float:
-            self._progress(video_s)
             self._bytes = dict(link.bytes_sent)
             return video_s
 
@@ -131,6 +127,3 @@ class SourceActor:
         sender.flush(None)
         sender.close()
         self._bytes = dict(link.bytes_sent)
-
-    def _progress(self, video_s: float) -> None:
-        self._frames_done = min(self._stream.video.frames, round(video_s * self._stream.video.frame_rate))

@@ -15,6 +15,7 @@ from typing import Any
 
 import msgpack
 import numpy as np
+from av.video.frame import VideoFrame
 from numpy.typing import NDArray
 
 from pipeline.errors import ProtocolError
@@ -44,16 +45,17 @@ class CameraPose:
 class Frame:
     """One picture of one stream. Never travels between processes.
 
-    image: uint8 (H, W, 3) RGB. time_ns: capture time, ns UTC. index: number of the frame in its video, from
-    0; tick: number of the frame on the processing clock.
+    planes: FFmpeg's frame, yuv420p, upright, at the size that is sent. time_ns: capture time, ns UTC; time_s: of
+    the video. index: number of the frame in its video, from 0; tick: number on the processing clock.
     """
 
     stream: str
     index: int
     tick: int
+    time_s: float
     time_ns: int
     pose: CameraPose
-    image: NDArray[np.uint8]
+    planes: VideoFrame
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,6 +63,7 @@ class Packet:
     """One encoded frame of one substream.
 
     data: the codec's bytes. pts: presentation time in units of time_base_num / time_base_den seconds.
+    width, height: pixels of the stream's picture, which the encoded one may be smaller than; 0: as encoded.
     encode_s: what encoding took. link_s: how long the link needed, where the sender can know it (pace max);
     otherwise the receiver takes the difference to sent_ns, the sender's clock, ns UTC.
     """
@@ -78,6 +81,8 @@ class Packet:
     encode_s: float = 0.0
     link_s: float = 0.0
     sent_ns: int = 0
+    width: int = 0
+    height: int = 0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,7 +99,7 @@ class Hops:
 class Detections:
     """What one detector saw in one frame; N = 0 is evidence too.
 
-    boxes_px: float64 (N, 4) x0, y0, x1, y1 in pixels of the stream's picture.
+    boxes_px: float64 (N, 4) x0, y0, x1, y1 in pixels of the stream's own picture, at whatever size it was sent.
     scores: float64 (N,) in 0..1. class_ids: int64 (N,).
     """
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from pipeline.config.base import Strict, load, mismatch, refuse_repeated
 from pipeline.config.units import (
@@ -207,17 +207,37 @@ class Telemetry(Strict):
 class Stream(Strict):
     """One video, or several recordings in a row, or a folder of stills, of one camera.
 
-    site: where it is filmed, reached without a link's limit. telemetry: absent, from the video's own tracks or
-    the stills' metadata. start, end: the part that is used, in time of the video.
+    video: a file, or a list of those that a camera cut one recording into. site: where it is filmed, reached
+    without a link's limit. telemetry: absent, from the video's own tracks or the stills' metadata. start, end: the
+    part that is used, in time of the video, which begins with its first picture.
     """
 
     id: str = Field(pattern=r"^[A-Za-z0-9_.-]+$")
-    video: Path
+    video: Path | tuple[Path, ...]
     telemetry: Telemetry
     camera: Path
     site: str
     start: Seconds | None = None
     end: Seconds | None = None
+
+    @property
+    def videos(self) -> tuple[Path, ...]:
+        """The video files, in their order."""
+        return self.video if isinstance(self.video, tuple) else (self.video,)
+
+    @field_validator("video", mode="before")
+    @classmethod
+    def _video_is_a_path_or_paths(cls, given: Any) -> Any:
+        files = given if isinstance(given, list | tuple) else [given]
+        if not files or not all(isinstance(f, str | Path) and str(f) for f in files):
+            raise mismatch(repr(given), "a video file, or a list of them")
+        return tuple(files) if len(files) > 1 else files[0]
+
+    @model_validator(mode="after")
+    def _part_is_ordered(self) -> Stream:
+        if self.end is not None and self.end <= max(0.0, self.start or 0.0):
+            raise mismatch(f"{self.end:g} s", f"more than the start, {self.start or 0.0:g} s", ("end",))
+        return self
 
     @model_validator(mode="before")
     @classmethod
@@ -246,7 +266,8 @@ class Processing(Strict):
     Past the paper, each off unless asked for. codecs: the plan chooses one per substream, by the pool's
     accuracy_by_codec; none: ``codec`` for all. expected_size: accuracies for the size of a person that is to
     be expected in each stream. sharing: detectors that share a machine slow each other down, as the pool has
-    it. delays: max_processing_time includes encoding, transfer and decoding.
+    it. delays: max_processing_time includes encoding, transfer and decoding. decoding_threads: of each video;
+    absent: the processor's cores, shared out among the streams.
     """
 
     frame_rate: Hertz
@@ -262,6 +283,7 @@ class Processing(Strict):
     expected_size: bool = False
     sharing: bool = False
     delays: Delays | None = None
+    decoding_threads: int | None = Field(default=None, ge=1, le=64)
 
 
 class ObjectSize(Strict):
@@ -428,6 +450,11 @@ def _resolved(telemetry: Telemetry, base: Path) -> Telemetry:
     return telemetry.model_copy(update={"file": base / telemetry.file, "angles": angles})
 
 
+def _files(base: Path, files: tuple[Path, ...]) -> Path | tuple[Path, ...]:
+    paths = tuple(base / file for file in files)
+    return paths if len(paths) > 1 else paths[0]
+
+
 def load_mission(path: Path) -> Mission:
     """Read and validate a mission file; all paths come back resolved against it."""
     mission = load(path, Mission)
@@ -435,7 +462,7 @@ def load_mission(path: Path) -> Mission:
     streams = tuple(
         s.model_copy(
             update={
-                "video": base / s.video,
+                "video": _files(base, s.videos),
                 "camera": base / s.camera,
                 "telemetry": _resolved(s.telemetry, base),
             }

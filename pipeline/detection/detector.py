@@ -71,6 +71,11 @@ class Detector:
         self.recognised, self.setup, self._batches = recognised, setup, batches
 
     @property
+    def picture_size(self) -> tuple[int, int] | None:
+        """Width and height in pixels that it makes of any picture; None: it looks at the picture as it is."""
+        return None if self.setup.tiling is not None else self._preparation.size
+
+    @property
     def class_ids(self) -> frozenset[int]:
         """Ids of the layers of the map that it knows."""
         return frozenset(self._ids.tolist())

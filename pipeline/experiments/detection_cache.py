@@ -54,8 +54,7 @@ def _with_poses(prepared: PreparedMission, results: list[Detections]) -> list[De
     placed = []
     for result in results:
         s = streams[result.stream]
-        time_s = result.index / s.video.frame_rate
-        pose = s.trajectory.pose(time_s)
+        pose = s.trajectory.pose((result.time_ns - s.start_ns) * 1e-9)
         if pose is None:
             continue
         placed.append(replace(result, pose=pose))
@@ -67,7 +66,8 @@ def _key(prepared: PreparedMission, chosen: Plan) -> str:
     links = sorted(prepared.problem.link_bps.items())
     digest = hashlib.sha256(repr((chosen.assignments, links, prepared.mission.processing)).encode())
     for s in prepared.streams:
-        digest.update(s.path.read_bytes())
+        for path in s.source.paths:
+            digest.update(path.read_bytes())
     for detector in sorted({a.pool_detector for a in chosen.assignments}):
         used = prepared.runnable(detector)
         digest.update(used.require_model(detector).read_bytes())

@@ -98,8 +98,8 @@ def _of_the_best(prepared: PreparedMission, results: Sequence[Detections]) -> li
 def _every(prepared: PreparedMission, results: Sequence[Detections], apart_s: float) -> list[Detections]:
     """The results of the frames next to 0, apart_s, 2 apart_s, .. of each video."""
     step_s = 1.0 / prepared.mission.processing.frame_rate
-    rates = {s.stream: s.video.frame_rate for s in prepared.streams}
-    return [r for r in results if (r.index / rates[r.stream] + step_s / 2.0) % apart_s < step_s]
+    start_ns = {s.stream: s.start_ns for s in prepared.streams}
+    return [r for r in results if ((r.time_ns - start_ns[r.stream]) * 1e-9 + step_s / 2.0) % apart_s < step_s]
 
 
 def _fuse(

@@ -23,7 +23,6 @@ from pipeline.experiments.experiment_report import Experiment, Measure
 from pipeline.experiments.refusion import fuse_again
 from pipeline.fusion.fuser import Fuser
 from pipeline.geo.terrain import Terrain
-from pipeline.ingest.video.file import read_frames
 from pipeline.messages import Detections, FloatArray
 from pipeline.mission.prepared import PreparedMission, prepare
 from pipeline.outputs.truth import TruePerson, load_truth
@@ -182,10 +181,11 @@ def _maps_picture(prepared: PreparedMission, trails: list[Trail], truth: tuple[T
 
 def _draw_frames(row: Sequence[Axes], prepared: PreparedMission) -> None:
     stream = prepared.streams[0]
-    times = {round(time_s * stream.video.frame_rate): time_s for time_s in _PICTURE_TIMES_S}
-    for one, (index, _, image) in zip(row, read_frames(stream.path, frozenset(times)), strict=True):
+    shown_s = stream.source.times_s
+    times_s = {float(shown_s[np.abs(shown_s - t).argmin()]): t for t in _PICTURE_TIMES_S}
+    for one, (time_s, image) in zip(row, stream.source.images_at(times_s), strict=True):
         one.imshow(image)
-        one.set_title(f"what the drone sees after {times[index]:g} s", fontsize=9)
+        one.set_title(f"what the drone sees after {times_s[time_s]:g} s", fontsize=9)
         one.set_axis_off()
 
 

@@ -18,8 +18,9 @@ from pipeline.geo.surface_model import SurfaceModel
 from pipeline.geo.terrain import load_terrain
 from pipeline.ingest.ground import middle_of
 from pipeline.ingest.track import Track
-from pipeline.ingest.video.file import VideoInfo, read_frames
+from pipeline.ingest.video.file import VideoInfo
 from pipeline.ingest.video.metadata import created_ns
+from pipeline.ingest.video.recordings import open_recordings
 from pipeline.init.contents import OURS, Contents, contents_of
 from pipeline.init.draft import (
     SITE,
@@ -167,6 +168,6 @@ def _ground_under(models: list[SurfaceModel], frame: LocalFrame) -> Ground | Non
 
 def _first_picture(contents: Contents) -> NDArray[np.uint8]:
     for video in contents.videos:
-        for _, _, image in read_frames(video.path, (0,)):
+        for _, image in open_recordings([video.path]).images_at([0.0]):
             return image
     return np.zeros((1080, 1920, 3), dtype=np.uint8)

@@ -92,7 +92,12 @@ class Encoder:
         return self.encode_frame(VideoFrame.from_ndarray(image, format="rgb24"), pts, keyframe)
 
     def encode_frame(self, frame: VideoFrame, pts: int, keyframe: bool = False) -> Encoded:
-        """As encode, of FFmpeg's own frame, which is changed; in yuv420p nothing has to be converted."""
+        """As encode, of FFmpeg's own frame, which is changed; in yuv420p nothing has to be converted.
+
+        The colour matrix of the first frame is written into the stream, so that the decoder makes the same RGB.
+        """
+        if not self._context.is_open:
+            self._context.colorspace, self._context.color_range = frame.colorspace, frame.color_range
         frame.pts, frame.time_base = pts, self.time_base
         frame.pict_type = PictureType.I if keyframe else PictureType.NONE
         (packet,) = self._context.encode(frame)

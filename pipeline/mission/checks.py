@@ -13,8 +13,8 @@ from pipeline.geo.search_area import load_search_area
 from pipeline.geo.terrain import Terrain
 from pipeline.ingest.finding import Finding
 from pipeline.ingest.ground import Window
+from pipeline.ingest.source import Source
 from pipeline.ingest.trajectory import Trajectory
-from pipeline.ingest.video.file import VideoInfo
 from pipeline.mission.stages.source import StreamInput
 from pipeline.second_look.plan import searched_cells
 
@@ -24,18 +24,19 @@ _FAR_M = 20_000.0
 _EDGE_SHARE = 0.03
 
 
-def telemetry_covers(stream: Stream, video: VideoInfo, trajectory: Trajectory) -> list[Finding]:
+def telemetry_covers(stream: Stream, video: Source, trajectory: Trajectory) -> list[Finding]:
     """How much of the video has no pose. Raises InputError if none of it has one."""
-    times_s = np.arange(video.frames) / video.frame_rate
+    times_s = video.times_s
     missing = int((~trajectory.covers(times_s)).sum())
     if not missing:
         return []
     first_s, last_s = trajectory.span_s
-    found = f"telemetry from {first_s:.2f} s to {last_s:.2f} s of a video of {video.duration_s:.2f} s"
-    if missing == video.frames:
-        expected = f"telemetry for some of {stream.video}, or another telemetry.time_offset"
+    end_s = float(times_s[-1]) + 1.0 / video.info.frame_rate
+    found = f"telemetry from {first_s:.2f} s to {last_s:.2f} s of a video of {end_s:.2f} s"
+    if missing == len(times_s):
+        expected = f"telemetry for some of {stream.videos[0]}, or another telemetry.time_offset"
         raise InputError(stream.telemetry.file, found, expected)
-    text = f"{missing} of {video.frames} pictures have no pose and are not used"
+    text = f"{missing} of {len(times_s)} pictures have no pose and are not used"
     return [Finding("warning", "no_pose", str(stream.telemetry.file), text, found)]
 
 
@@ -45,7 +46,7 @@ def terrain_covers(mission: Mission, terrain: Terrain, stream: StreamInput) -> l
     Raises InputError if there is none at all, or if the drone is under it most of the time.
     """
     over, unknown, under = 0, [], []
-    for time_s in np.arange(0.0, stream.video.duration_s, 1.0):
+    for time_s in np.arange(stream.video.start_s, stream.end_s, 1.0):
         pose = stream.trajectory.pose(float(time_s))
         if pose is None:
             continue

@@ -17,10 +17,13 @@ from pipeline.ingest.finding import Finding
 
 @dataclass(frozen=True)
 class PoolLook:
-    """findings: what was assumed of models. known: names of the layers that each detector with a model knows."""
+    """findings: what was assumed of models. known: names of the layers that each detector with a model knows.
+    picture_sizes: width and height that each of them looks at, None: the picture's.
+    """
 
     findings: tuple[Finding, ...]
     known: Mapping[str, frozenset[str]]
+    picture_sizes: tuple[tuple[int, int] | None, ...]
 
 
 def layers_of(mission: Mission) -> dict[str, int]:
@@ -35,7 +38,7 @@ def look_at_detectors(pool: Pool, layers: Mapping[str, int], where: Path) -> Poo
     """
     with_model = [d for d in pool.detectors if d.model is not None]
     reasons = survived([d.model for d in with_model if d.model is not None])
-    findings, known = [], {}
+    findings, known, sizes = [], {}, []
     for detector in with_model:
         reason = None if detector.model is None else reasons[detector.model]
         if reason is not None:
@@ -43,9 +46,10 @@ def look_at_detectors(pool: Pool, layers: Mapping[str, int], where: Path) -> Poo
         opened = open_pool_detector(detector, layers)
         known[detector.id] = frozenset(name for name, number in layers.items() if number in opened.class_ids)
         findings += _assumed(detector.id, opened)
+        sizes.append(opened.picture_size)
     if known:
         require_layers(layers, known, where, f"detector of the pool ({', '.join(known)})")
-    return PoolLook(tuple(findings), known)
+    return PoolLook(tuple(findings), known, tuple(sizes))
 
 
 def require_planned_layers(

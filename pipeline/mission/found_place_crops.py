@@ -11,7 +11,6 @@ from matplotlib import image as matplotlib_image
 from pipeline.fusion.look import Look
 from pipeline.fusion.salient import SalientLocation
 from pipeline.geo.camera import Camera
-from pipeline.ingest.video.file import read_frames
 from pipeline.messages import FloatArray
 from pipeline.mission.prepared import PreparedMission
 from pipeline.mission.stages.source import StreamInput
@@ -39,18 +38,13 @@ def _best(looks: Sequence[Look], place: SalientLocation) -> Look | None:
 
 
 def _cut(stream: StreamInput, camera: Camera, looks: dict[int, Look]) -> list[tuple[int, bytes]]:
-    frame_of = {
-        place: round((look.time_ns - stream.start_ns) * 1e-9 * stream.video.frame_rate)
-        for place, look in looks.items()
-    }
-    if not frame_of:
-        return []
+    time_s_of = {place: (look.time_ns - stream.start_ns) * 1e-9 for place, look in looks.items()}
     pictures = []
-    for index, time_s, image in read_frames(stream.path, frozenset(frame_of.values())):
+    for time_s, image in stream.source.images_at(time_s_of.values()):
         pose = stream.trajectory.pose(time_s)
         if pose is None:
             continue
-        for place in (p for p, i in frame_of.items() if i == index):
+        for place in (p for p, t in time_s_of.items() if t == time_s):
             pixel = camera.project_enu(looks[place].intersection_enu[None], pose)[0]
             pictures.append((place, _crop(image, pixel)))
     return pictures

@@ -14,7 +14,7 @@ from pipeline.config.inventory import Inventory
 from pipeline.config.mission import Mission, load_mission
 from pipeline.config.pool import AccuracyAt, Pool, PoolDetector
 from pipeline.errors import InputError
-from pipeline.ingest.video.file import picture_times_s, sampled_indices
+from pipeline.ingest.sampling import sampled_indices
 from pipeline.messages import EndOfStream
 from pipeline.mission.detection_files import read_listing
 from pipeline.mission.faults import Faults
@@ -47,7 +47,9 @@ def fuse(
     listing = read_listing(detections, images)
     prepared = _prepared(path, mission, detector)
     filmed = [
-        FilmedStream(s.stream, s.path.name, picture_times_s(s.path), s.trajectory, prepared.cameras[s.stream])
+        FilmedStream(
+            s.stream, s.path.name, s.source.exact_times_s(), s.trajectory, prepared.cameras[s.stream]
+        )
         for s in prepared.streams
     ]
     _looked_at(listing, looked_at, detections, prepared, filmed)
@@ -90,7 +92,12 @@ def _looked_at(
             looked_at_all(listing)
             return
         for stream, s in zip(prepared.streams, filmed, strict=True):
-            wanted = sampled_indices(len(s.times_s), stream.video.frame_rate, stream.processing_rate_hz)
+            wanted = sampled_indices(
+                s.times_s,
+                stream.processing_rate_hz,
+                1e-3 / stream.video.frame_rate,
+                1.0 / stream.video.frame_rate,
+            )
             listing.rows += [
                 ListedRow(str(path), stream=s.stream, time=repr(float(s.times_s[i]))) for i in wanted
             ]

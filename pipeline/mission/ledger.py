@@ -19,6 +19,7 @@ def stream_account(stream: str, count: SourceCount, reducer: ReducerStage) -> St
         for index, due in count.due.items()
         if index not in processed
     )
+    dropped.update(count.lost.values())
     dropped["not_sampled"] += count.not_sampled
     return StreamAccount(stream, count.captured, len(processed), {k: n for k, n in dropped.items() if n})
 

@@ -110,8 +110,8 @@ def bandwidth(prepared: PreparedMission, plan: Plan, stream: str) -> dict[str, f
 
 def _step(stream: StreamInput, source: SourceStage, progress: Progress) -> Iterator[bool]:
     for frame in source.frames():
-        source.offer(frame, frame.index / stream.video.frame_rate)
-        progress(stream.stream, frame.index + 1, stream.video.frames)
+        source.offer(frame, frame.time_s - stream.video.start_s)
+        progress(stream.stream, source.count.captured, stream.video.pictures or source.count.captured)
         yield True
     source.end()
-    progress(stream.stream, stream.video.frames, stream.video.frames)
+    progress(stream.stream, source.count.captured, source.count.captured)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +34,7 @@ from pipeline.mission.clocks import settled
 from pipeline.mission.detectors import layers_of, look_at_detectors
 from pipeline.mission.faults import Faults
 from pipeline.mission.recording import Recording, read_recording
+from pipeline.mission.sent_size import as_sent
 from pipeline.mission.stages.source import StreamInput
 from pipeline.sensor.expected_size import expected_person_px
 from pipeline.sensor.model import SensorModel
@@ -103,8 +104,8 @@ class PreparedMission:
         return detector
 
 
-def prepare(path: Path, thorough: bool = False) -> PreparedMission:
-    """Read and check a mission; if thorough, every picture of every video is decoded.
+def prepare(path: Path) -> PreparedMission:
+    """Read and check a mission; of a video its index and a few pictures.
 
     Raises InputError, or SeveralInputsError with every independent fault, for what cannot be used.
     """
@@ -119,8 +120,9 @@ def prepare(path: Path, thorough: bool = False) -> PreparedMission:
     with faults.collected():
         for codec in (mission.processing.codec, *mission.processing.codecs):
             require_codec(codec)
-    filmed = read_filmed(path, mission, faults, thorough)
+    filmed = read_filmed(path, mission, faults)
     mission, terrain, cameras, streams = filmed.mission, filmed.terrain, filmed.cameras, filmed.streams
+    streams = tuple(replace(s, source=as_sent(s.source, look.picture_sizes)) for s in streams)
     own_site = {s.id: s.site for s in mission.streams}
     person_px = {}
     if mission.processing.expected_size:
@@ -141,12 +143,12 @@ def prepare(path: Path, thorough: bool = False) -> PreparedMission:
     )
 
 
-def read_filmed(path: Path, mission: Mission, faults: Faults, thorough: bool = False) -> Filmed:
+def read_filmed(path: Path, mission: Mission, faults: Faults) -> Filmed:
     """What was filmed, and over which ground. Raises what ``faults`` has collected before and here."""
     recordings = []
     for stream in mission.streams:
         with faults.collected():
-            recordings.append(read_recording(path, mission, stream, thorough))
+            recordings.append(read_recording(path, mission, stream))
     tracks = [r.track for r in recordings]
     with faults.collected():
         frame = frame_over(mission.terrain, tracks)
@@ -181,13 +183,13 @@ def _streams(
             )
             flights.append((recording, trajectory))
             findings += coarse
-    settled_ones, of_clocks = settled([(r.stream.id, t, r.video.duration_s) for r, t in flights])
+    settled_ones, of_clocks = settled([(r.stream.id, t, r.video.end_s) for r, t in flights])
     streams = []
     for (recording, _), trajectory in zip(flights, settled_ones, strict=True):
         stream = StreamInput(
             stream=recording.stream.id,
             site=recording.stream.site,
-            video=recording.video,
+            source=recording.video,
             trajectory=trajectory,
             processing_rate_hz=mission.processing.frame_rate,
             codec=mission.processing.codec,
@@ -239,7 +241,7 @@ def _with_ground_sd(mission: Mission, sd_m: float) -> Mission:
 def _person_px(terrain: Terrain, camera: Camera, stream: StreamInput) -> float:
     """The size of a person to be expected in the stream's pictures: the median over its seconds."""
     sizes = []
-    for time_s in np.arange(0.0, stream.video.duration_s, 1.0):
+    for time_s in np.arange(stream.video.start_s, stream.end_s, 1.0):
         pose = stream.trajectory.pose(float(time_s))
         if pose is None:
             continue

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,11 +14,12 @@ from pipeline.geo.frame import LocalFrame
 from pipeline.ingest.clock import Alignment, align, on_the_videos_clock
 from pipeline.ingest.finding import Finding
 from pipeline.ingest.registry import read_telemetry
+from pipeline.ingest.sampling import require_rate
 from pipeline.ingest.track import Track
 from pipeline.ingest.trajectory import Trajectory
 from pipeline.ingest.trajectory_of import Ground, trajectory_of
-from pipeline.ingest.video.file import VideoInfo, check_video, sampled_indices
 from pipeline.ingest.video.metadata import created_ns
+from pipeline.ingest.video.recordings import Recordings, open_recordings
 from pipeline.mission.faults import Faults
 
 
@@ -26,7 +28,7 @@ class Recording:
     """What was read of one stream. angles: the track of ``telemetry.angles``."""
 
     stream: Stream
-    video: VideoInfo
+    video: Recordings
     track: Track
     angles: Track | None
     camera: Camera
@@ -48,7 +50,8 @@ class Recording:
         """What was assumed of the telemetry, and what of it was not used."""
         where = str(self.stream.telemetry.file)
         reasons = [self.alignment.reason] if self.alignment.reason else []
-        found = [Finding("assumed", "assumed", where, text) for text in (*trajectory.assumed, *reasons)]
+        found = list(self.video.findings)
+        found += [Finding("assumed", "assumed", where, text) for text in (*trajectory.assumed, *reasons)]
         if trajectory.clock == "local":
             text = "the zone of its times is not known; results say local time (telemetry.utc_offset)"
             found.append(Finding("assumed", "clock_local", where, text))
@@ -59,13 +62,14 @@ class Recording:
         return found
 
 
-def read_recording(path: Path, mission: Mission, stream: Stream, thorough: bool) -> Recording:
+def read_recording(path: Path, mission: Mission, stream: Stream) -> Recording:
     """Read the files of a stream. path: of the mission. Raises InputError with every independent fault."""
     faults = Faults()
     with faults.collected():
-        video = check_video(stream.video, thorough)
-        rate_hz = mission.processing.frame_rate
-        sampled_indices(video.frames, video.frame_rate, rate_hz, where=f"{path} processing.frame_rate")
+        video = open_recordings(stream.videos, stream.start, stream.end, _threads(mission))
+        if video.info.constant:
+            where = f"{path} processing.frame_rate"
+            require_rate(mission.processing.frame_rate, video.info.frame_rate, where)
     with faults.collected():
         track = read_telemetry(stream.telemetry)
     with faults.collected():
@@ -77,15 +81,22 @@ def read_recording(path: Path, mission: Mission, stream: Stream, thorough: bool)
             kept = Telemetry(file=own.file, format=own.format, columns=own.columns, table=own.table)
             angles = read_telemetry(kept)
     faults.raise_if_any()
-    if (video.width, video.height) != (camera.width, camera.height):
+    size = video.info.width, video.info.height
+    if size != (camera.width, camera.height):
         raise InputError(
             f"{stream.camera} width, height",
             f"{camera.width} x {camera.height}",
-            f"the size of {stream.video}, {video.width} x {video.height}",
+            f"the size of {stream.videos[0]}, {size[0]} x {size[1]}",
         )
     alignment = align(
-        track, stream.telemetry, video.duration_s, created_ns(stream.video), stream.telemetry.file
+        track, stream.telemetry, video.end_s, created_ns(stream.videos[0]), stream.telemetry.file
     )
     if angles is not None and stream.telemetry.angles is not None:
         angles = on_the_videos_clock(angles, stream.telemetry.angles, track, alignment)
     return Recording(stream, video, track, angles, camera, alignment)
+
+
+def _threads(mission: Mission) -> int:
+    """The streams are decoded beside each other."""
+    cores = os.cpu_count() or 1
+    return mission.processing.decoding_threads or max(1, cores // len(mission.streams))

@@ -69,8 +69,8 @@ def _summary(
     locations: tuple[SalientLocation, ...],
     truth: Sequence[TruePerson],
 ) -> Summary:
-    video_s = max(s.video.duration_s for s in prepared.streams)
-    durations = {s.stream: s.video.duration_s for s in prepared.streams}
+    durations = {s.stream: s.end_s - s.video.start_s for s in prepared.streams}
+    video_s = max(durations.values())
     return Summary(
         mission=prepared.mission.name,
         mission_file=str(prepared.path),
@@ -103,7 +103,6 @@ def _provenance() -> dict[str, str]:
 def _track(prepared: PreparedMission, stream: str) -> FloatArray:
     """Positions (N, 3) of the camera, twice a second."""
     s = next(s for s in prepared.streams if s.stream == stream)
-    last_s = (s.video.frames - 1) / s.video.frame_rate
-    times = np.arange(0.0, last_s, 0.5)
+    times = np.arange(s.video.start_s, s.end_s - 1.0 / s.video.frame_rate, 0.5)
     poses = [pose for t in times if (pose := s.trajectory.pose(float(t))) is not None]
     return np.array([pose.position_enu for pose in poses]).reshape(-1, 3)

@@ -3,6 +3,7 @@ import dataclasses
 import msgpack
 import numpy as np
 import pytest
+from av.video.frame import VideoFrame
 
 from pipeline.errors import ProtocolError
 from pipeline.messages import (
@@ -67,7 +68,7 @@ def test_small_messages_survive_the_wire(message: Dropped | EndOfStream) -> None
 
 
 def test_a_frame_does_not_travel() -> None:
-    frame = Frame("s", 0, 0, 0, POSE, np.zeros((2, 2, 3), np.uint8))
+    frame = Frame("s", 0, 0, 0.0, 0, POSE, VideoFrame(2, 2, "yuv420p"))
     with pytest.raises(TypeError, match="does not travel"):
         pack(frame)  # type: ignore[arg-type]
 

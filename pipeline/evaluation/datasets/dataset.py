@@ -11,7 +11,7 @@ import numpy as np
 
 from pipeline.errors import InputError
 from pipeline.evaluation.metrics.boxes import IntArray, TrueBoxes
-from pipeline.ingest.video.file import sampled_indices
+from pipeline.ingest.sampling import sampled_indices
 from pipeline.messages import FloatArray
 
 
@@ -104,7 +104,11 @@ def kept_frames(sequence: Sequence, frame_rate_hz: float) -> IntArray:
             "images without a frame rate, which cannot be transcoded",
             "datasets.frame_rate, or no transcoding",
         )
-    return sampled_indices(sequence.frames, sequence.frame_rate, min(frame_rate_hz, sequence.frame_rate))
+    interval_s = 1.0 / sequence.frame_rate
+    times_s = np.arange(sequence.frames, dtype=np.float64) * interval_s
+    rate_hz = min(frame_rate_hz, sequence.frame_rate)
+    # 1e-6 of a picture: a tick that falls on a picture must not be rounded to the one before
+    return sampled_indices(times_s, rate_hz, 1e-6 * interval_s, interval_s)
 
 
 def sampled_pictures(

@@ -1,36 +1,39 @@
-"""Video files: what they promise, whether they hold it, and their pictures."""
+"""What a video file holds: probed by its index and a few of its pictures, never by all of them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import cast
 
 import av
 import numpy as np
 from av.container import InputContainer
 from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
-from numpy.typing import NDArray
 
 from pipeline.errors import InputError
+from pipeline.ingest.finding import Finding
+from pipeline.ingest.video.container import EXPECTED, NOT_SOUGHT, opened, video_tracks
+from pipeline.ingest.video.decode import shown_frames
+from pipeline.ingest.video.index import PictureIndex, read_index
+from pipeline.ingest.video.upright import HLG, PQ, Upright, upright_of
+from pipeline.messages import FloatArray
 
-# Only containers of recordings: FFmpeg would also take a playlist, and fetch what it names. Edit lists hide
-# pictures that the container counts; without them, picture i is packet i.
-_OPTIONS = {
-    "format_whitelist": "mov,matroska,webm,avi,mpegts",
-    "protocol_whitelist": "file",
-    "ignore_editlist": "1",
-}
-_EXPECTED = "a whole MP4, MOV, MKV, AVI or TS video"
-_WHOLE = "a video that is neither truncated nor damaged"
+#: pictures that are decoded to see that it can be done: at these shares of the file
+_PROBED = (0.0, 0.25, 0.5, 0.75, 1.0)
+#: a probe that has not met a whole picture after so many packets gives up
+_MOST_PACKETS = 400
+#: an interval of so many usual ones is a gap
+_GAP_PICTURES = 3.0
 
 
 @dataclass(frozen=True, slots=True)
 class VideoInfo:
-    """What a video file holds. width, height: pixels. frame_rate: Hz. codec: FFmpeg's name, e.g. ``h264``."""
+    """What a video file holds. width, height: upright, pixels. frame_rate: Hz, the usual one. codec: FFmpeg's name.
+
+    frames: that the file promises, damaged ones too. duration_s: from the first to the end of the last.
+    """
 
     path: Path
     width: int
@@ -41,133 +44,163 @@ class VideoInfo:
     codec: str
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class VideoFile:
+    """A probed file. constant: whether its pictures keep the rate. findings: what was noticed and assumed."""
+
+    info: VideoInfo
+    index: PictureIndex
+    upright: Upright
+    constant: bool
+    findings: tuple[Finding, ...]
+
+    @property
+    def slack_s(self) -> float:
+        """By so much a picture may come after a tick and be in time: its time was rounded to the file's unit."""
+        return 1.001 * min(self.index.tick_s, 1e-3)
+
+
 def open_video(path: Path) -> VideoInfo:
-    """What the container promises; its pictures are not read (see check_video).
+    """What the file holds. Raises InputError as probe_video does."""
+    return probe_video(path).info
 
-    Raises InputError for a missing, empty, truncated or non-video file.
+
+def probe_video(path: Path) -> VideoFile:
+    """Read the index, and decode a few pictures spread over the file.
+
+    Raises InputError for a file that is missing, empty, no video, or of which no picture can be decoded.
     """
-    with _opened(path) as (container, stream):
-        if not stream.average_rate:
-            raise InputError(path, "a video without a frame rate", _EXPECTED)
-        rate = float(stream.average_rate)
-        frames = stream.frames or sum(1 for packet in container.demux(stream) if packet.size)
-        if frames == 0:
-            raise InputError(path, "a video without a picture", _EXPECTED)
-        codec = stream.codec_context
-        return VideoInfo(path, codec.width, codec.height, rate, frames, frames / rate, codec.name)
-
-
-def check_video(path: Path, thorough: bool = False) -> VideoInfo:
-    """Compare the packets in the file with what its container promises; decode them only if thorough.
-
-    Raises InputError if some are missing or cut off, and, if thorough, for the first one that is damaged.
-    """
-    info = open_video(path)
-    with _opened(path) as (container, stream):
-        whole, last_s = 0, 0.0
-        for packet in container.demux(stream):
-            if packet.size and not packet.is_corrupt:
-                whole += 1
-                last_s = max(last_s, _seconds(packet.pts, stream))
-        promised_s = (container.duration or 0) / av.time_base
-    missing_s = 0.0 if stream.frames else promised_s - last_s - 1.0 / info.frame_rate
-    if whole < info.frames or missing_s > 1.0:
-        promised = max(info.frames, round(promised_s * info.frame_rate))
-        raise InputError(path, f"{whole} whole pictures of {promised} promised", _WHOLE)
-    if thorough:
-        for _ in read_frames(path, ()):
-            pass
-    return info
-
-
-def read_frames(
-    path: Path, indices: Collection[int] | Callable[[int], bool] | None = None
-) -> Iterator[tuple[int, float, NDArray[np.uint8]]]:
-    """Index, time since the first picture (s) and RGB image, uint8 (H, W, 3), of the wanted pictures.
-
-    indices: the wanted numbers, or a test of a number; None: all. Every picture is decoded, in order, and the
-    wanted ones are converted to RGB. Raises InputError with the number of the first picture that is damaged.
-    """
-    wanted = _test_of(indices)
-    with _opened(path) as (container, stream):
-        first: float | None = None
-        for index, frame in enumerate(_decoded(path, container, stream)):
-            time_s = _seconds(frame.pts, stream)
-            first = time_s if first is None else first
-            if wanted(index):
-                yield index, time_s - first, cast("NDArray[np.uint8]", frame.to_ndarray(format="rgb24"))
+    with opened(path) as (container, stream):
+        rate = float(stream.average_rate or stream.guessed_rate or 0.0)
+        codec, aspect = stream.codec_context.name, stream.sample_aspect_ratio
+        findings = _of_tracks(path, container, stream)
+        sought = container.format.name not in NOT_SOUGHT
+        index = read_index(path, container, stream)
+    if not len(index.times_s):
+        raise InputError(path, "a video without a picture", EXPECTED)
+    frames = list(_probed(path, index, sought))
+    first = next((frame for frame in frames if frame is not None), None)
+    if first is None:
+        raise InputError(path, "no picture that can be decoded", EXPECTED)
+    upright = upright_of(first, aspect)
+    rate_hz, constant = _rate(index, rate)
+    end_s = float(index.times_s[-1]) + 1.0 / rate_hz
+    duration_s = len(index.times_s) / rate_hz if constant else end_s
+    info = VideoInfo(path, *upright.size, rate_hz, len(index.times_s), duration_s, codec)
+    findings += _of_pictures(path, first, upright)
+    findings += _of_times(path, index, rate_hz, frames)
+    return VideoFile(info, index, upright, constant, tuple(findings))
 
 
 def decoded_frames(path: Path) -> Iterator[VideoFrame]:
-    """Every picture as FFmpeg's own frame, pixels not converted; errors as in read_frames."""
-    with _opened(path) as (container, stream):
-        yield from _decoded(path, container, stream)
+    """Every picture as FFmpeg's own frame, as it is coded.
 
-
-def picture_times_s(path: Path) -> NDArray[np.float64]:
-    """Presentation time of every picture since the first one, seconds, increasing; nothing is decoded."""
-    with _opened(path) as (container, stream):
-        times = sorted(_seconds(packet.pts, stream) for packet in container.demux(stream) if packet.size)
-    return np.array(times, np.float64) - (times[0] if times else 0.0)
-
-
-def sampled_indices(
-    frames: int, video_rate_hz: float, processing_rate_hz: float, where: object = "processing.frame_rate"
-) -> NDArray[np.int64]:
-    """Number of the picture at or just before each tick k / processing_rate; int64 (K,), k = 0, 1, ..
-
-    Strictly increasing. Raises InputError if the processing is faster than the video.
+    Raises InputError with the number of the first one that is damaged.
     """
-    if processing_rate_hz > video_rate_hz * (1.0 + 1e-9):
-        raise InputError(where, f"{processing_rate_hz:g} Hz", f"at most the video's {video_rate_hz:g} Hz")
-    step = max(video_rate_hz / processing_rate_hz, 1.0)
-    # 1e-6 of a picture: a tick that falls on a picture must not be rounded to the one before
-    indices = np.floor(np.arange(int(frames / step) + 2) * step + 1e-6).astype(np.int64)
-    return indices[indices < frames]
+    whole = "a video that is neither truncated nor damaged"
+    with opened(path) as (container, stream):
+        promised, index = stream.frames, -1
+        for index, (_, frame) in enumerate(shown_frames(container, stream)):
+            if not isinstance(frame, VideoFrame):
+                raise InputError(f"{path} frame {index}", "a damaged picture", whole)
+            yield frame
+    if index + 1 < promised:
+        raise InputError(path, f"{index + 1} whole pictures of {promised} promised", whole)
 
 
-def _test_of(indices: Collection[int] | Callable[[int], bool] | None) -> Callable[[int], bool]:
-    if indices is None:
-        return lambda _: True
-    return indices if callable(indices) else frozenset(int(i) for i in indices).__contains__
+def _rate(index: PictureIndex, average_hz: float) -> tuple[float, bool]:
+    """The usual rate, and whether every picture keeps it."""
+    steps = np.diff(index.times_s)
+    steps = steps[steps > 0.0]
+    if not len(steps):
+        return (average_hz if 0.0 < average_hz < 1000.0 else 1.0), True
+    usual_s = float(np.median(steps))
+    slack_s = min(2.0 * index.tick_s, 0.2 * usual_s)
+    if np.abs(steps - usual_s).max() > slack_s:
+        return 1.0 / usual_s, False
+    mean_hz = len(steps) / float(steps.sum())
+    return (average_hz if abs(average_hz / mean_hz - 1.0) < 0.01 else mean_hz), True
 
 
-def _decoded(path: Path, container: InputContainer, stream: VideoStream) -> Iterator[VideoFrame]:
-    index = 0
+def _probed(path: Path, index: PictureIndex, sought: bool) -> Iterator[VideoFrame | None]:
+    """A picture near each share of the file, the first only where a time leads nowhere; None if it cannot be had."""
+    last_s = float(index.times_s[max(0, index.whole - 1)])
+    with opened(path) as (container, stream):
+        for share in _PROBED:
+            if share > 0.0:
+                ticks = index.first_ticks + round(share * last_s / index.tick_s)
+                try:
+                    container.seek(ticks, stream=stream, backward=True)
+                except (av.FFmpegError, OSError, ValueError):
+                    yield None
+                    continue
+            yield _next_whole(container, stream)
+            if len(index.times_s) == 1 or not sought:
+                return
+
+
+def _next_whole(container: InputContainer, stream: VideoStream) -> VideoFrame | None:
     try:
-        for packet in container.demux(stream):
-            for frame in packet.decode():
-                if frame.is_corrupt:
-                    raise InputError(f"{path} frame {index}", "a damaged picture", _WHOLE)
-                yield frame
-                index += 1
-    except av.FFmpegError as error:
-        raise InputError(f"{path} frame {index}", f"a damaged picture ({error.strerror})", _WHOLE) from None
-    if index < stream.frames:
-        raise InputError(path, f"{index} whole pictures of {stream.frames} promised", _WHOLE)
+        for number, packet in enumerate(container.demux(stream)):
+            if number >= _MOST_PACKETS:
+                break
+            try:
+                frames = stream.codec_context.decode(packet if packet.size else None)
+            except (av.FFmpegError, ValueError):
+                continue
+            for frame in frames:
+                if not frame.is_corrupt:
+                    return frame
+    except (av.FFmpegError, ValueError):
+        return None
+    return None
 
 
-@contextmanager
-def _opened(path: Path) -> Iterator[tuple[InputContainer, VideoStream]]:
-    if not path.is_file():
-        raise InputError(path, "no file", _EXPECTED)
-    if path.stat().st_size == 0:
-        raise InputError(path, "an empty file", _EXPECTED)
-    try:
-        container = av.open(str(path), options=_OPTIONS)
-    except (av.FFmpegError, OSError) as error:
-        raise InputError(path, f"a file that cannot be opened ({error.strerror})", _EXPECTED) from None
-    with container:
-        stream = container.streams.best("video")
-        if not isinstance(stream, VideoStream):
-            raise InputError(path, "no video in the file", _EXPECTED)
-        # one thread per stream: the streams of a mission already run beside each other
-        stream.codec_context.thread_count = 1
-        try:
-            yield container, stream
-        except av.FFmpegError as error:
-            raise InputError(path, f"a file that cannot be read ({error.strerror})", _EXPECTED) from None
+def _of_tracks(path: Path, container: InputContainer, stream: VideoStream) -> list[Finding]:
+    tracks = video_tracks(container)
+    if len(tracks) < 2:
+        return []
+    sizes = ", ".join(
+        f"{s.index}: {s.codec_context.width} x {s.codec_context.height}" for s in tracks if s.codec_context
+    )
+    text = f"{len(tracks)} video tracks ({sizes}); track {stream.index} is used"
+    return [Finding("assumed", "video_track", str(path), text)]
 
 
-def _seconds(pts: int | None, stream: VideoStream) -> float:
-    return 0.0 if pts is None or stream.time_base is None else float(pts * stream.time_base)
+def _of_pictures(path: Path, frame: VideoFrame, upright: Upright) -> list[Finding]:
+    size = f"{upright.size[0]} x {upright.size[1]}"
+    found = []
+    if upright.is_turned:
+        found.append(f"turned as its display matrix says, to {size}")
+    if upright.aspect != 1:
+        found.append(f"pixels {float(upright.aspect):.4g} as wide as high, made square: {size}")
+    if int(frame.color_trc) in (PQ, HLG):
+        curve = "PQ" if int(frame.color_trc) == PQ else "HLG"
+        found.append(f"HDR ({curve}); its brightness is used as it is coded, which looks pale")
+    return [Finding("assumed", "picture", str(path), text) for text in found]
+
+
+def _of_times(
+    path: Path, index: PictureIndex, rate_hz: float, frames: list[VideoFrame | None]
+) -> list[Finding]:
+    findings, promised = [], len(index.times_s)
+    if index.whole < promised:
+        text = f"{index.whole} whole pictures of {promised} promised; the others are {index.others}"
+        findings.append(Finding("warning", index.others, str(path), text, "", "copy the file again"))
+    if None in frames:
+        text = f"no whole picture near {frames.count(None)} of {len(frames)} probed places"
+        findings.append(Finding("warning", "damaged", str(path), text, "", "copy the file again"))
+    gaps = _gaps(index.times_s, rate_hz)
+    if gaps:
+        text = f"{len(gaps)} gap(s) without a picture, {sum(g for _, g in gaps):.2f} s in all"
+        findings.append(
+            Finding("warning", "video_gap", str(path), text, f"the first after {gaps[0][0]:.2f} s")
+        )
+    return findings
+
+
+def _gaps(times_s: FloatArray, rate_hz: float) -> list[tuple[float, float]]:
+    """Time before, and length beyond one interval, of each gap."""
+    steps = np.diff(times_s)
+    at = np.flatnonzero(steps > _GAP_PICTURES / rate_hz)
+    return [(float(times_s[k]), float(steps[k]) - 1.0 / rate_hz) for k in at]

@@ -5,9 +5,12 @@ from __future__ import annotations
 import contextlib
 import time
 
+import numpy as np
+from numpy.typing import NDArray
+
 from pipeline.detection import Detector, NotFiniteError
 from pipeline.link.codec import Codec, Decoder
-from pipeline.messages import Detections, Dropped, EndOfStream, Hops, Message, Packet
+from pipeline.messages import Detections, Dropped, EndOfStream, FloatArray, Hops, Message, Packet
 
 
 class DetectorStage:
@@ -46,7 +49,7 @@ class DetectorStage:
             index=message.index,
             time_ns=message.time_ns,
             pose=message.pose,
-            boxes_px=boxes,
+            boxes_px=_in_own_picture(boxes, image, message),
             scores=scores,
             class_ids=classes,
             hops=Hops(message.encode_s, transfer_s, decoded - started, detected - decoded),
@@ -59,6 +62,15 @@ class DetectorStage:
         with contextlib.suppress(ValueError):
             self._decoder.decode(message.data)
         return _dropped(message, "machine_busy")
+
+
+def _in_own_picture(boxes: FloatArray, image: NDArray[np.uint8], packet: Packet) -> FloatArray:
+    """Boxes of an image in pixels of the stream's picture, of which the image is a smaller copy."""
+    height, width = image.shape[:2]
+    if not packet.width or (packet.width, packet.height) == (width, height):
+        return boxes
+    scale = np.array([packet.width / width, packet.height / height] * 2)
+    return np.asarray(boxes * scale)
 
 
 def _dropped(packet: Packet, reason: str) -> Dropped:

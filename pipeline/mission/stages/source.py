@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Protocol
 
 from pipeline.allocation.plan import Assignment
+from pipeline.ingest.source import LostPicture, PassedPicture, Picture, Source, SourceInfo
 from pipeline.ingest.trajectory import Trajectory
-from pipeline.ingest.video.file import VideoInfo, read_frames, sampled_indices
 from pipeline.link.codec import Codec, Encoder
 from pipeline.messages import EndOfStream, Frame, Message, Packet
 
@@ -26,15 +26,25 @@ class StreamInput:
 
     stream: str
     site: str
-    video: VideoInfo
+    source: Source
     trajectory: Trajectory
     processing_rate_hz: float
     codec: Codec
 
     @property
+    def video(self) -> SourceInfo:
+        """What is known of its pictures."""
+        return self.source.info
+
+    @property
     def path(self) -> Path:
-        """The video file."""
-        return self.video.path
+        """The first video file, or the first still."""
+        return self.source.paths[0]
+
+    @property
+    def end_s(self) -> float:
+        """Time of the video at which it ends."""
+        return self.video.duration_s or 0.0
 
     @property
     def start_ns(self) -> int:
@@ -56,16 +66,26 @@ class Link(Protocol):
 class SourceCount:
     """Frames of one stream, as the source knows them.
 
-    captured: in the video. not_sampled: not on the processing clock. due: frame index -> the detectors whose
-    turn it was. dropped: (frame index, detector) -> why the frame was not sent. frames_dropped: frames that
-    were sent to nobody, by reason.
+    captured: in the video so far. lost: frame index -> why nobody could be sent it (``damaged``, ``missing``,
+    ``no_pose``). due: frame index -> the detectors whose turn it was. dropped: (frame index, detector) -> why the
+    frame was not sent. frames_dropped: frames that were sent to nobody, by reason, the lost ones too.
     """
 
     captured: int = 0
-    not_sampled: int = 0
+    lost: dict[int, str] = field(default_factory=dict)
     due: dict[int, tuple[str, ...]] = field(default_factory=dict)
     dropped: dict[tuple[int, str], str] = field(default_factory=dict)
     frames_dropped: Counter[str] = field(default_factory=Counter)
+
+    @property
+    def not_sampled(self) -> int:
+        """Frames that are not on the processing clock."""
+        return self.captured - len(self.due) - len(self.lost)
+
+    def lose(self, index: int, reason: str) -> None:
+        """Count a frame that nobody can be sent."""
+        self.lost[index] = reason
+        self.frames_dropped[reason] += 1
 
 
 class SourceStage:
@@ -86,9 +106,9 @@ class SourceStage:
         self._encoders = {a.detector: self._encoder(a) for a in self.assignments}
 
     def run(self, wait_until: Callable[[float], float]) -> None:
-        """Send the whole stream. wait_until(video time, s) returns the link's time when the frame is due."""
+        """Send the whole stream. wait_until(time since its start, s) returns the link's time when a frame is due."""
         for frame in self.frames():
-            due_s = frame.index / self.stream.video.frame_rate
+            due_s = frame.time_s - self.stream.video.start_s
             now_s = wait_until(due_s)
             self.offer(frame, now_s, late=now_s - due_s > self._max_backlog_s)
         self.end()
@@ -97,22 +117,27 @@ class SourceStage:
         """Tell every detector that the stream is over."""
         for assignment in self.assignments:
             end = EndOfStream(self.stream.stream, assignment.detector)
-            self._link.send(assignment.site, assignment.detector, end, self.stream.video.duration_s)
+            self._link.send(assignment.site, assignment.detector, end, self.stream.end_s)
 
     def frames(self) -> Iterator[Frame]:
         """The frames on the processing clock, with their poses."""
-        video, trajectory = self.stream.video, self.stream.trajectory
-        wanted = sampled_indices(video.frames, video.frame_rate, self.stream.processing_rate_hz)
-        ticks = {int(index): tick for tick, index in enumerate(wanted)}
-        self.count.captured = video.frames
-        self.count.not_sampled = video.frames - len(ticks)
-        for index, time_s, image in read_frames(self.stream.path, frozenset(ticks)):
-            pose, time_ns = trajectory.pose(time_s), trajectory.utc_ns(time_s)
-            if pose is None:
-                self.count.due[index] = ()
-                self.count.frames_dropped["no_pose"] += 1
-                continue
-            yield Frame(self.stream.stream, index, ticks[index], time_ns, pose, image)
+        for picture in self.stream.source.pictures(self.stream.processing_rate_hz):
+            self.count.captured += 1
+            if isinstance(picture, LostPicture):
+                self.count.lose(picture.index, picture.reason)
+            elif not isinstance(picture, PassedPicture):
+                yield from self._with_pose(picture)
+
+    def _with_pose(self, picture: Picture) -> Iterator[Frame]:
+        trajectory = self.stream.trajectory
+        pose = trajectory.pose(picture.time_s)
+        if pose is None:
+            self.count.lose(picture.index, "no_pose")
+            return
+        time_ns = trajectory.utc_ns(picture.time_s)
+        yield Frame(
+            self.stream.stream, picture.index, picture.tick, picture.time_s, time_ns, pose, picture.planes
+        )
 
     def offer(self, frame: Frame, now_s: float, late: bool = False) -> None:
         """Encode and send the frame for each detector whose turn it is."""
@@ -138,8 +163,7 @@ class SourceStage:
         rate_hz = self.stream.processing_rate_hz / assignment.period
         return Encoder(
             assignment.codec or self.stream.codec,
-            self.stream.video.width,
-            self.stream.video.height,
+            *self.stream.source.sent_size,
             frame_rate_hz=rate_hz,
             bitrate_bps=assignment.bitrate_bps / assignment.period,
             keyframe_interval=max(1, round(KEYFRAME_INTERVAL_S * rate_hz)),
@@ -147,7 +171,8 @@ class SourceStage:
 
     def _encode(self, frame: Frame, assignment: Assignment) -> Packet:
         started = time.perf_counter()
-        encoded = self._encoders[assignment.detector].encode(frame.image, frame.tick // assignment.period)
+        encoder = self._encoders[assignment.detector]
+        encoded = encoder.encode_frame(frame.planes, frame.tick // assignment.period)
         encode_s = time.perf_counter() - started
         base = Fraction(assignment.period / self.stream.processing_rate_hz).limit_denominator(90_000)
         return Packet(
@@ -162,4 +187,6 @@ class SourceStage:
             pose=frame.pose,
             data=encoded.data,
             encode_s=encode_s,
+            width=self.stream.video.width,
+            height=self.stream.video.height,
         )

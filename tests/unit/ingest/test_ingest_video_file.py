@@ -1,5 +1,6 @@
-"""Videos are read whole, or refused with the reason."""
+"""A video file is probed by its index and a few pictures: what it holds, or why it cannot be used."""
 
+from fractions import Fraction
 from pathlib import Path
 
 import av
@@ -7,26 +8,11 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
-from pipeline.ingest.video.file import check_video, open_video, read_frames, sampled_indices
+from pipeline.ingest.video.file import decoded_frames, open_video, probe_video
+from tests.videos import SIZE, gray, packet_places, write_video
 
-SIZE, FRAMES, RATE = (96, 64), 30, 10
-
-
-def gray(index: int) -> int:
-    return 20 + 7 * index
-
-
-def write_video(path: Path, options: dict[str, str] | None = None, codec: str = "libx264") -> Path:
-    """Pictures of one gray each, so that a picture tells its number; with B-frames, so that order matters."""
-    noise = np.random.default_rng(0).integers(-8, 9, (SIZE[1], SIZE[0], 1))
-    with av.open(str(path), "w", options=options or {}) as container:
-        stream = container.add_stream(codec, rate=RATE, options={"bf": "2", "g": "10"})
-        stream.width, stream.height, stream.pix_fmt = *SIZE, "yuv420p"
-        for index in range(FRAMES):
-            image = np.repeat(np.clip(gray(index) + noise, 0, 255), 3, axis=2).astype(np.uint8)
-            container.mux(stream.encode(av.VideoFrame.from_ndarray(image, format="rgb24")))
-        container.mux(stream.encode(None))
-    return path
+FRAMES, RATE = 30, 10
+SHARED = Path(__file__).parents[4] / "shared/data"
 
 
 @pytest.fixture(scope="module")
@@ -34,31 +20,19 @@ def video(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_video(tmp_path_factory.mktemp("video") / "flight.mp4")
 
 
+def causes(path: Path) -> list[str]:
+    return [finding.cause for finding in probe_video(path).findings]
+
+
 @pytest.mark.parametrize("suffix", ["mp4", "mov", "mkv", "avi", "ts"])
 def test_the_container_tells_what_was_written(tmp_path: Path, suffix: str) -> None:
-    info = check_video(write_video(tmp_path / f"flight.{suffix}"), thorough=True)
+    file = probe_video(write_video(tmp_path / f"flight.{suffix}"))
+    info = file.info
     assert (info.width, info.height, info.frames, info.codec) == (*SIZE, FRAMES, "h264")
     assert info.frame_rate == pytest.approx(RATE)
     assert info.duration_s == pytest.approx(FRAMES / RATE)
-
-
-def test_all_pictures_come_in_order_with_their_time(video: Path) -> None:
-    read = list(read_frames(video))
-    assert [index for index, _, _ in read] == list(range(FRAMES))
-    assert [time_s for _, time_s, _ in read] == pytest.approx([i / RATE for i in range(FRAMES)])
-    for index, _, image in read:
-        assert image.shape == (SIZE[1], SIZE[0], 3)
-        assert image.dtype == np.uint8
-        assert image.mean() == pytest.approx(gray(index), abs=2.0)
-
-
-@pytest.mark.parametrize(
-    "wanted", [frozenset({3, 7, 29}), [29, 3, 7], np.array([3, 7, 29]), {3, 7, 29}.__contains__]
-)
-def test_only_wanted_pictures_come_and_they_are_the_right_ones(video: Path, wanted: object) -> None:
-    read = list(read_frames(video, wanted))  # type: ignore[arg-type]
-    assert [index for index, _, _ in read] == [3, 7, 29]
-    assert [image.mean() for _, _, image in read] == pytest.approx([gray(i) for i in (3, 7, 29)], abs=2.0)
+    assert file.constant
+    assert file.findings == ()
 
 
 def test_a_missing_an_empty_and_a_text_file_are_refused(tmp_path: Path) -> None:
@@ -93,6 +67,12 @@ def test_a_file_without_a_picture_track_is_refused(tmp_path: Path) -> None:
         open_video(path)
 
 
+@pytest.mark.parametrize("suffix", ["mp4", "mkv", "ts"])
+def test_a_video_of_no_length_is_refused(tmp_path: Path, suffix: str) -> None:
+    with pytest.raises(InputError, match=r"without a picture|cannot be opened|no video|an empty file"):
+        open_video(write_video(tmp_path / f"flight.{suffix}", count=0))
+
+
 def test_an_mp4_cut_before_its_index_is_refused(tmp_path: Path, video: Path) -> None:
     path = tmp_path / "cut.mp4"
     path.write_bytes(video.read_bytes()[: video.stat().st_size // 2])
@@ -100,45 +80,91 @@ def test_an_mp4_cut_before_its_index_is_refused(tmp_path: Path, video: Path) -> 
         open_video(path)
 
 
-@pytest.mark.parametrize("suffix", ["mp4", "mkv"])
-def test_a_video_cut_after_its_index_is_refused_without_decoding(tmp_path: Path, suffix: str) -> None:
-    whole = write_video(tmp_path / f"whole.{suffix}", {"movflags": "faststart"} if suffix == "mp4" else None)
-    cut = tmp_path / f"cut.{suffix}"
-    cut.write_bytes(whole.read_bytes()[: int(whole.stat().st_size * 0.6)])
-    with pytest.raises(InputError, match=r"whole pictures of 30 promised"):
-        check_video(cut)
-
-
-def test_the_last_packet_cut_short_is_noticed_without_decoding(tmp_path: Path) -> None:
-    whole = write_video(tmp_path / "whole.mp4", {"movflags": "faststart"})
+def test_an_mp4_cut_after_its_index_says_how_many_pictures_are_missing(tmp_path: Path) -> None:
+    whole = write_video(tmp_path / "whole.mp4", container_options={"movflags": "faststart"})
     cut = tmp_path / "cut.mp4"
     cut.write_bytes(whole.read_bytes()[:-5])
-    with pytest.raises(InputError, match="found 29 whole pictures of 30 promised"):
-        check_video(cut)
+    (finding,) = probe_video(cut).findings
+    assert (finding.severity, finding.cause) == ("warning", "missing")
+    assert "29 whole pictures of 30 promised" in finding.found
 
 
-def test_damage_in_the_middle_names_the_picture(tmp_path: Path, video: Path) -> None:
-    with av.open(str(video)) as container:
-        packets = [packet for packet in container.demux(video=0) if packet.size]
-        target = max((p for p in packets if not p.is_keyframe), key=lambda p: p.size)
-        start, size = target.pos, target.size
+def test_a_matroska_without_its_end_is_used_as_far_as_it_goes(tmp_path: Path) -> None:
+    whole = write_video(tmp_path / "whole.mkv")
+    cut = tmp_path / "cut.mkv"
+    cut.write_bytes(whole.read_bytes()[: int(whole.stat().st_size * 0.6)])
+    assert 5 < probe_video(cut).info.frames < FRAMES
+
+
+def test_a_file_whose_pictures_are_all_damaged_is_refused(tmp_path: Path, video: Path) -> None:
+    data = bytearray(video.read_bytes())
+    for start, size, _ in packet_places(video):
+        data[start : start + size] = bytes(0xFF for _ in range(size))
     damaged = tmp_path / "damaged.mp4"
+    damaged.write_bytes(data)
+    with pytest.raises(InputError, match="no picture that can be decoded"):
+        open_video(damaged)
+
+
+def test_strict_decoding_names_the_first_damaged_picture(tmp_path: Path, video: Path) -> None:
+    start, size, _ = max((p for p in packet_places(video) if not p[2]), key=lambda p: p[1])
     data = bytearray(video.read_bytes())
     data[start : start + size] = bytes(0xFF for _ in range(size))
+    damaged = tmp_path / "damaged.mp4"
     damaged.write_bytes(data)
-    check_video(damaged)
+    open_video(damaged)
     with pytest.raises(InputError, match=r"damaged\.mp4 frame \d+: found a damaged picture"):
-        check_video(damaged, thorough=True)
+        for _ in decoded_frames(damaged):
+            pass
+    assert len(list(decoded_frames(video))) == FRAMES
 
 
-def test_processing_faster_than_the_video_is_refused() -> None:
-    with pytest.raises(InputError, match="found 31 Hz; expected at most the video's 30 Hz"):
-        sampled_indices(100, 30.0, 31.0)
+def test_a_title_in_another_encoding_does_not_matter(tmp_path: Path) -> None:
+    path = write_video(tmp_path / "title.mkv", metadata={"title": "QQQQ"})
+    path.write_bytes(path.read_bytes().replace(b"QQQQ", b"\xb4\xf3\xbd\xae"))
+    assert open_video(path).frames == FRAMES
 
 
-def test_a_real_recording_is_whole() -> None:
-    path = Path(__file__).parents[4] / "shared/data/video/one-by-one-person-detection.mp4"
-    if not path.exists():
+def test_of_two_video_tracks_it_is_said_which_is_taken(tmp_path: Path) -> None:
+    path = tmp_path / "two.mkv"
+    with av.open(str(path), "w") as container:
+        streams = []
+        for size in ((96, 64), (192, 128)):
+            stream = container.add_stream("libx264", rate=10)
+            stream.width, stream.height, stream.pix_fmt = *size, "yuv420p"
+            streams.append(stream)
+        for index in range(5):
+            for stream in streams:
+                image = np.full((stream.height, stream.width, 3), gray(index), np.uint8)
+                frame = av.VideoFrame.from_ndarray(image, format="rgb24")
+                frame.pts, frame.time_base = index, Fraction(1, 10)
+                container.mux(stream.encode(frame))
+        for stream in streams:
+            container.mux(stream.encode(None))
+    file = probe_video(path)
+    assert (file.info.width, file.info.height) == (192, 128)
+    assert "2 video tracks (0: 96 x 64, 1: 192 x 128); track 1 is used" in file.findings[0].found
+
+
+def test_a_gap_is_noticed_and_the_rate_is_that_of_the_rest(tmp_path: Path) -> None:
+    times = [Fraction(i, 10) for i in (*range(10), *range(20, 30))]
+    file = probe_video(write_video(tmp_path / "gap.ts", times=times))
+    assert (file.info.frames, file.constant) == (20, False)
+    assert file.info.frame_rate == pytest.approx(10.0)
+    assert file.info.duration_s == pytest.approx(3.0)
+    assert [f.cause for f in file.findings] == ["video_gap"]
+    assert "1.00 s in all" in file.findings[0].found
+
+
+def test_the_shared_cases_hold_what_is_known_of_them() -> None:
+    if not SHARED.exists():
         pytest.skip("no shared data beside the repository")
-    info = check_video(path)
+    last_s = {
+        name: probe_video(SHARED / "cases/video" / name).index.times_s[-1] for name in ("gap.ts", "vfr.mkv")
+    }
+    assert last_s == {"gap.ts": pytest.approx(2.967, abs=1e-3), "vfr.mkv": pytest.approx(3.3, abs=1e-3)}
+    assert open_video(SHARED / "cases/video/non_utf8_title.mp4").frames == 5
+    with pytest.raises(InputError, match="a video codec that is not known"):
+        open_video(SHARED / "cases/video/unknowncodec.mp4")
+    info = open_video(SHARED / "video/one-by-one-person-detection.mp4")
     assert (info.width, info.height, info.frames, info.frame_rate) == (768, 432, 1394, 10.0)

@@ -1,3 +1,5 @@
+import math
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
@@ -10,10 +12,12 @@ from pipeline.config.mission import Telemetry
 from pipeline.geo.frame import LocalFrame
 from pipeline.ingest.track import Track
 from pipeline.ingest.trajectory_of import Ground, trajectory_of
-from pipeline.ingest.video.file import open_video
-from pipeline.messages import EndOfStream, Message, Packet
+from pipeline.ingest.video.recordings import open_recordings
+from pipeline.messages import Detections, EndOfStream, Message, Packet
+from pipeline.mission.stages.detector import DetectorStage
 from pipeline.mission.stages.source import SourceStage, StreamInput
 from pipeline.mission.stages.virtual_link import VirtualLink
+from tests.videos import packet_places
 
 FRAMES, RATE_HZ = 30, 30.0
 
@@ -41,7 +45,7 @@ def stream_input(video: Path, rate_hz: float) -> StreamInput:
     telemetry = Telemetry(file=Path("flight.srt"))
     ground = Ground("ellipsoid", lambda east, north: 0.0)
     trajectory = trajectory_of(track, telemetry, LocalFrame(0.0, 0.0), ground)
-    return StreamInput("v", "drone", open_video(video), trajectory, rate_hz, "h264")
+    return StreamInput("v", "drone", open_recordings([video]), trajectory, rate_hz, "h264")
 
 
 def assignment(detector: str, period: int = 1, phase: int = 0, bitrate_bps: float = 1e6) -> Assignment:
@@ -117,3 +121,59 @@ def test_a_refused_packet_makes_the_next_one_stand_alone(video: Path) -> None:
     stage.run(lambda video_s: video_s)
     assert stage.count.frames_dropped == {"receiver_busy": 1}
     assert [p.index for p in sent if p.keyframe][:2] == [0, 4]
+
+
+def test_frames_without_a_pose_are_counted_as_such_and_are_nobodys_turn(video: Path) -> None:
+    stream = stream_input(video, 10.0)
+    stream = replace(stream, trajectory=replace(stream.trajectory, end_s=0.45))
+    link = VirtualLink({"site": float("inf")}, lambda detector, message: None)
+    stage = SourceStage(stream, (assignment("a"),), link, max_backlog_s=0.5)
+    stage.run(lambda video_s: video_s)
+    assert stage.count.lost == dict.fromkeys((15, 18, 21, 24, 27), "no_pose")
+    assert set(stage.count.due) == {0, 3, 6, 9, 12}
+    assert stage.count.captured == FRAMES == stage.count.not_sampled + 10
+
+
+def test_a_damaged_picture_is_dropped_as_damaged_and_the_run_goes_on(video: Path, tmp_path: Path) -> None:
+    start, size, _ = packet_places(video)[9]
+    data = bytearray(video.read_bytes())
+    data[start : start + size] = bytes(0xFF for _ in range(size))
+    damaged = tmp_path / "damaged.mp4"
+    damaged.write_bytes(data)
+    stage, sent, _ = run(damaged, [assignment("a")], float("inf"), rate_hz=30.0)
+    packets = [m for _, m in sent if isinstance(m, Packet)]
+    assert stage.count.lost[9] == "damaged"
+    assert stage.count.captured == FRAMES == len(packets) + len(stage.count.lost)
+    assert stage.count.frames_dropped["damaged"] == len(stage.count.lost) < 5
+
+
+def test_a_part_of_a_video_begins_at_once_and_keeps_its_times(video: Path) -> None:
+    stream = stream_input(video, 10.0)
+    stream = replace(stream, source=open_recordings([video], 0.5, 0.8))
+    waits: list[float] = []
+    packets: list[Packet] = []
+    link = VirtualLink({"site": math.inf}, lambda _, m: packets.append(m) if isinstance(m, Packet) else None)
+    SourceStage(stream, (assignment("a"),), link, 0.5).run(lambda video_s: waits.append(video_s) or video_s)
+    assert waits == pytest.approx([0.0, 0.1, 0.2])
+    assert [p.time_ns - 10**18 for p in packets] == [pytest.approx(k * 1e8, abs=1e3) for k in (5, 6, 7)]
+    assert [p.index for p in packets] == [15, 18, 21]
+
+
+def test_boxes_are_in_pixels_of_the_picture_that_was_filmed_whatever_was_sent(video: Path) -> None:
+    class OneBox:
+        def detect(self, image: np.ndarray):  # type: ignore[no-untyped-def, type-arg]
+            sizes.append(image.shape)
+            height, width = image.shape[:2]
+            return np.array([[0.25 * width, 0.5 * height, width, height]]), np.ones(1), np.zeros(1, np.int64)
+
+    sizes: list[tuple[int, ...]] = []
+    found: list[Message] = []
+    detector = DetectorStage(OneBox(), "h264")  # type: ignore[arg-type]
+    link = VirtualLink({"site": math.inf}, lambda _, m: found.append(detector.process(m, 0)))
+    stream = stream_input(video, 10.0)
+    stream = replace(stream, source=stream.source.resized(48, 32))
+    SourceStage(stream, (assignment("a"),), link, 0.5).run(lambda video_s: video_s)
+    assert set(sizes) == {(32, 48, 3)}
+    boxes = [m.boxes_px for m in found if isinstance(m, Detections)]
+    assert len(boxes) == 10
+    assert np.array(boxes) == pytest.approx(np.array([[[24.0, 32.0, 96.0, 64.0]]] * 10))

@@ -137,8 +137,9 @@ def test_encoders_have_the_plan_s_bitrate_and_rate_over_the_period(prepared, pla
     monkeypatch.setattr(
         source_module, "Encoder", lambda *of, **how: encoders.append((of, how)) or SimpleNamespace()
     )
-    video = SimpleNamespace(width=640, height=480)
-    stream = SimpleNamespace(stream="v", processing_rate_hz=10.0, codec="h264", video=video)
+    source = SimpleNamespace(sent_size=(640, 480))
+    stream = SimpleNamespace(stream="v", processing_rate_hz=10.0, codec="h264", source=source)
+
     stage = SourceStage(stream, plan.assignments, SimpleNamespace(), 1.0)
     assert len(encoders) == len(stage.assignments) == len(plan.assignments)
     for (of, how), a in zip(encoders, stage.assignments, strict=True):
