@@ -123,12 +123,19 @@ class FixedGimbal(Strict):
     """Angles of a camera that is fixed, or whose gimbal stands still. Absent: those of the telemetry.
 
     yaw: clockwise from north, or ``course`` (the way the drone flies), or ``aircraft`` (where its nose points,
-    plus the angle, if any, of ``mounting``).
+    plus the angle, if any, of ``mounting``). pitch: from the horizon, or, beside ``yaw: aircraft``, ``aircraft``:
+    a camera without a gimbal, turned on the airframe by the angles of ``mounting`` and leaning with it.
     """
 
-    pitch: Radians | None = None
+    pitch: Radians | Literal["aircraft"] | None = None
     roll: Radians | None = None
     yaw: Radians | Literal["course", "aircraft"] | None = None
+
+    @model_validator(mode="after")
+    def _fixed_to_the_airframe_or_not(self) -> FixedGimbal:
+        if self.pitch == "aircraft" and (self.yaw != "aircraft" or self.roll is not None):
+            raise mismatch("pitch: aircraft", "yaw: aircraft beside it, and no roll", ("pitch",))
+        return self
 
 
 class Mounting(Strict):

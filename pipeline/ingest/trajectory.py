@@ -8,10 +8,14 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from pipeline.geo.pose import enu_from_camera
 from pipeline.ingest.track import Clock
 from pipeline.messages import CameraPose, FloatArray
+
+#: from here on yaw and roll are nearly one turn
+_STEEP_RAD = math.radians(80.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,9 +56,10 @@ class Trajectory:
     def pose(self, time_s: float) -> CameraPose | None:
         """The camera's pose at a time of the video, linear between the samples around it; None if there is none.
 
-        Angles turn the shorter way. There is none more than half a sample before the first one, after ``end_s``,
-        and between samples that are farther apart than the longest gap. After the last sample the position goes
-        on as it moved, and is surer by nothing: half of that way is added to its standard deviation.
+        Angles turn the shorter way, through straight down too. There is none more than half a sample before the
+        first one, after ``end_s``, and between samples that are farther apart than the longest gap. After the last
+        sample the position goes on as it moved, and is surer by nothing: half of that way is added to its standard
+        deviation.
         """
         place = self._between(time_s)
         if place is None:
@@ -62,9 +67,7 @@ class Trajectory:
         index, share = place
         following = min(index + 1, len(self.times_s) - 1)
         position = _mixed(self.positions_enu[index], self.positions_enu[following], share)
-        turn = (self.angles_rad[following] - self.angles_rad[index]).tolist()
-        turned = np.array([math.remainder(angle, 2.0 * math.pi) for angle in turn])
-        yaw, pitch, roll = self.angles_rad[index] + min(max(share, 0.0), 1.0) * turned
+        attitude = _turned(self.angles_rad[index], self.angles_rad[following], min(max(share, 0.0), 1.0))
         horizontal_m, height_m, attitude_rad = _mixed(
             self.sds[index], self.sds[following], min(max(share, 0.0), 1.0)
         )
@@ -79,7 +82,7 @@ class Trajectory:
         scale = _mixed(self.focal_scale[index], self.focal_scale[following], 0.0 if share < 1.0 else 1.0)
         return CameraPose(
             position,
-            enu_from_camera(float(yaw), float(pitch), float(roll)),
+            attitude,
             float(horizontal_m),
             float(height_m),
             float(attitude_rad),
@@ -108,6 +111,21 @@ class Trajectory:
         if gap_s > self.longest_gap_s and times[index] + half_s < time_s < times[index + 1] - half_s:
             return None
         return index, (time_s - float(times[index])) / gap_s
+
+
+def _turned(before_rad: FloatArray, after_rad: FloatArray, share: float) -> FloatArray:
+    """Rotation (3, 3) between two attitudes.
+
+    A gimbal pans about the vertical and tilts for itself, so yaw, pitch and roll go on for themselves, the shorter
+    way. Near straight down a yaw and a roll of half a turn each are none: there it is one turn about one axis.
+    """
+    first, second = before_rad.tolist(), after_rad.tolist()
+    if max(abs(first[1]), abs(second[1])) < _STEEP_RAD:
+        turns = [math.remainder(b - a, 2.0 * math.pi) for a, b in zip(first, second, strict=True)]
+        return enu_from_camera(*(a + share * turn for a, turn in zip(first, turns, strict=True)))
+    before, after = enu_from_camera(*first), enu_from_camera(*second)
+    axis_angle = Rotation.from_matrix(before.T @ after).as_rotvec()
+    return np.asarray(before @ Rotation.from_rotvec(share * axis_angle).as_matrix())
 
 
 def _mixed(before: FloatArray, after: FloatArray, share: float) -> FloatArray:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pipeline.config.mission import Datum, FixedGimbal, Telemetry, Uncertainty
 from pipeline.errors import InputError
 from pipeline.geo.frame import LocalFrame
+from pipeline.ingest.attitude import camera_on_aircraft
 from pipeline.ingest.track import Clock, Track
 from pipeline.ingest.trajectory import Trajectory, widened
 from pipeline.messages import FloatArray
@@ -207,6 +208,8 @@ def _angles(
 ) -> tuple[FloatArray, float]:
     """Yaw, pitch and roll (N, 3) of the camera, NaN where nothing tells them; and the error of a yaw by course."""
     gimbal, mounting = telemetry.gimbal, telemetry.mounting
+    if gimbal.pitch == "aircraft":
+        return _on_airframe(track, telemetry, known), 0.0
     if other is not None and telemetry.angles is not None:
         own = (other.yaw_rad, other.pitch_rad, other.roll_rad)
         columns = [_at(times_s, other.times_s, values, telemetry.longest_gap) for values in own]
@@ -230,6 +233,20 @@ def _angles(
     if course_sd_rad:
         assumed.append("the camera looks where the drone flies (gimbal.yaw: course), to 8 degrees")
     return turned, course_sd_rad
+
+
+def _on_airframe(track: Track, telemetry: Telemetry, known: BoolArray) -> FloatArray:
+    """Angles (N, 3) of a camera without a gimbal: it leans with the aircraft."""
+    own = (track.aircraft_yaw_rad, track.aircraft_pitch_rad, track.aircraft_roll_rad)
+    columns = [values[known] for values in own if values is not None]
+    if len(columns) < 3:
+        found = "gimbal.pitch: aircraft, and telemetry without the aircraft's attitude"
+        raise InputError(telemetry.file, found, "gimbal.pitch: an angle from the horizon")
+    aircraft = np.stack([columns[0] + telemetry.yaw_offset, *columns[1:]], axis=1)
+    mounting = telemetry.mounting
+    return camera_on_aircraft(
+        aircraft, np.tile([mounting.yaw, mounting.pitch, mounting.roll], (len(aircraft), 1))
+    )
 
 
 def _yaw(

@@ -105,7 +105,7 @@ def write(path: Path, rows: Track, **kept: object) -> None:
 
 def write_stream(
     path: Path, pieces: Sequence[bytes], times_s: Sequence[float], *, pictures: int = 30, rate: int = 10,
-    synchronous: bool = True, first_s: float = 1.4,
+    first_s: float = 1.4,
 ) -> None:  # fmt: skip
     """A transport stream of a small video and the pieces; the first picture is at first_s."""
     import av
@@ -130,3 +130,40 @@ def write_stream(
                 own.time_base = ticks
                 own.pts = own.dts = round((first_s + time_s) * 90_000)
                 out.mux(own)
+
+
+def write_metadata_stream(
+    path: Path, pieces: Sequence[bytes], delay_s: float, *, synchronous: bool, presentation_times: bool = True
+) -> None:
+    """A transport stream as tstrans lays it down: a piece after each picture, in access units if synchronous."""
+    from tstrans import mpegts
+
+    kind = mpegts.KlvStreamType.SYNCHRONOUS_METADATA if synchronous else mpegts.KlvStreamType.PRIVATE_DATA
+    program = mpegts.MuxerProgramConfigBuilder(1, 0x100).add_video(0x101, mpegts.VideoCodec.H264)
+    program = program.add_klv(0x102, kind, carries_pts=presentation_times).pcr_pid(0x101)
+    muxer = mpegts.Muxer(mpegts.MuxerConfigBuilder().add_program(program.build()).build())
+    out = bytearray()
+    for i, (picture, is_key) in enumerate(_pictures(len(pieces))):
+        time = 126_000 + 9_000 * i
+        muxer.push_video(picture, pts=mpegts.Pts90khz(time), key_frame=is_key)
+        muxer.push_klv(pieces[i], pts=mpegts.Pts90khz(time + round(delay_s * 90_000)))
+        room = bytearray(188 * 64)
+        while count := muxer.pull(room):
+            out += room[: count * 188]
+    path.write_bytes(bytes(out))
+
+
+def _pictures(count: int) -> list[tuple[bytes, bool]]:
+    import io
+
+    import av
+
+    with av.open(io.BytesIO(), "w", format="h264") as out:
+        video = out.add_stream("libx264", rate=10)
+        video.width, video.height, video.pix_fmt, video.options = 64, 48, "yuv420p", {"bf": "0", "g": "5"}
+        encoded = []
+        for i in range(count):
+            frame = av.VideoFrame.from_ndarray(np.full((48, 64, 3), 8 * i % 256, np.uint8), format="rgb24")
+            frame.pts, frame.time_base = i, Fraction(1, 10)
+            encoded += video.encode(frame)
+        return [(bytes(packet), packet.is_keyframe) for packet in encoded + video.encode(None)]

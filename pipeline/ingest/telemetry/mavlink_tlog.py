@@ -53,7 +53,8 @@ def read_mavlink_tlog(telemetry: Telemetry) -> Track:
     messages = list(messages_of(data, _WANTED, path, left_out))
     if not messages:
         raise InputError(path, f"no message of an aircraft ({left_out or 'none at all'})", EXPECTED)
-    own = [m for m in messages if m.system == _vehicle(path, messages, telemetry)]
+    vehicle = _vehicle(path, messages, telemetry)
+    own = [m for m in messages if m.system == vehicle]
     by_id: dict[int, list[LoggedMessage]] = defaultdict(list)
     for message in own:
         by_id[message.id].append(message)

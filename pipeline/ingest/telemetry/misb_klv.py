@@ -40,7 +40,11 @@ def read_misb_klv(telemetry: Telemetry) -> Track:
     path, left_out, assumed = telemetry.file, LeftOut(), list[str]()
     with path.open("rb") as file:
         in_stream = is_transport_stream(file.read(4096))
-    pieces = klv_pieces(path) if in_stream else [KlvPiece(read_bytes(path, EXPECTED), math.nan, math.nan)]
+    pieces = (
+        klv_pieces(path, left_out)
+        if in_stream
+        else [KlvPiece(read_bytes(path, EXPECTED), math.nan, math.nan)]
+    )
     packets = list(packets_of([piece.data for piece in pieces], path, left_out))
     if not packets and not left_out.counts:
         old = any(OLD_KEY in piece.data for piece in pieces)
@@ -149,7 +153,9 @@ def _times_s(
     if np.isnan(shown_s).mean() > 0.5:
         # asynchronous metadata has no time of its own: its place among the pictures, over all packets, tells it
         video_s = np.array([pieces[p.piece].video_s for p in packets])
-        assumed.append("the KLV track has no presentation times: tied to the video by its place in the file")
+        assumed.append(
+            "the KLV track has no presentation times: tied to the video by its place in the file, to about a picture"
+        )
         if not np.isfinite(video_s - stamps_s).any():
             return video_s
         return np.asarray(stamps_s + np.nanmedian(video_s - stamps_s))

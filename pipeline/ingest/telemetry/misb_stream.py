@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from dataclasses import dataclass
 from pathlib import Path
 
 import av
+from av.container import InputContainer
+from av.stream import Stream
 
 from pipeline.errors import InputError
+from pipeline.ingest.samples import LeftOut
 from pipeline.ingest.telemetry.misb_packets import KEY
 
 _SYNC = 0x47
@@ -36,8 +40,11 @@ def is_transport_stream(head: bytes) -> bool:
     )
 
 
-def klv_pieces(path: Path) -> list[KlvPiece]:
-    """The pieces (PES packets) of the first data track that holds ST 0601. Raises InputError if there is none."""
+def klv_pieces(path: Path, left_out: LeftOut) -> list[KlvPiece]:
+    """The pieces (PES packets) of the first data track that holds ST 0601. Raises InputError if there is none.
+
+    A stream that cannot be read on is counted as ``damaged``: what was read before it counts.
+    """
     try:
         with av.open(str(path), options=_OPTIONS) as container:
             video = container.streams.best("video")
@@ -45,38 +52,48 @@ def klv_pieces(path: Path) -> list[KlvPiece]:
             if not tracks:
                 raise InputError(path, "a transport stream without a data track", _EXPECTED)
             wanted = [*tracks] if video is None else [video, *tracks]
-            return _chosen(path, container, video, wanted)
+            return _chosen(path, container, video, wanted, left_out)
     except (av.FFmpegError, OSError) as error:
         raise InputError(path, f"a file that cannot be read ({error.strerror})", _EXPECTED) from None
 
 
 def _chosen(
     path: Path,
-    container: av.container.InputContainer,
-    video: av.stream.Stream | None,
-    wanted: list[av.stream.Stream],
+    container: InputContainer,
+    video: Stream | None,
+    wanted: list[Stream],
+    left_out: LeftOut,
 ) -> list[KlvPiece]:
-    pieces: dict[int, list[KlvPiece]] = {}
-    first_s, video_s, has_key = math.inf, math.nan, set()
+    shown: list[tuple[int, float]] = []  # place in the file and time of each picture
+    pieces: dict[int, list[tuple[int, KlvPiece]]] = {}
+    first_s = math.inf
     try:
         for packet in container.demux(*wanted):
+            if not packet.size or packet.time_base is None:
+                continue
             time_s = math.nan if packet.pts is None else float(packet.pts * packet.time_base)
-            if video is not None and packet.stream.index == video.index:
-                if packet.size and not math.isnan(time_s):
-                    first_s = min(first_s, time_s)
-                    decoded_s = float(packet.dts * packet.time_base) if packet.dts is not None else time_s
-                    video_s = decoded_s
-            elif packet.size:
-                data = bytes(packet)
-                pieces.setdefault(packet.stream.index, []).append(KlvPiece(data, time_s, video_s))
-                if KEY in data:
-                    has_key.add(packet.stream.index)
-    except av.FFmpegError:
-        pass  # a damaged end: what was read before it counts
-    if not has_key:
+            place = packet.pos or 0
+            if video is None or packet.stream.index != video.index:
+                piece = KlvPiece(bytes(packet), time_s, math.nan)
+                pieces.setdefault(packet.stream.index, []).append((place, piece))
+            elif not math.isnan(time_s):
+                first_s = min(first_s, time_s)
+                decoded_s = time_s if packet.dts is None else float(packet.dts * packet.time_base)
+                shown.append((place, decoded_s))
+    except (av.FFmpegError, IndexError):  # PyAV has no place for a track that only damage announced
+        left_out.add("damaged", f"{path} after {len(shown)} pictures")
+    with_key = [number for number, own in pieces.items() if any(KEY in piece.data for _, piece in own)]
+    if not with_key:
         raise InputError(path, "a transport stream without MISB ST 0601 metadata", _EXPECTED)
     start_s = first_s if math.isfinite(first_s) else 0.0
+    shown.sort()
     return [
-        KlvPiece(piece.data, piece.time_s - start_s, piece.video_s - start_s)
-        for piece in pieces[min(has_key)]
+        KlvPiece(piece.data, piece.time_s - start_s, _before(shown, place) - start_s)
+        for place, piece in pieces[min(with_key)]
     ]
+
+
+def _before(shown: list[tuple[int, float]], place: int) -> float:
+    """The time of the last picture that stands before a place in the file; the demuxer gives them in another order."""
+    index = bisect_right(shown, (place, math.inf)) - 1
+    return shown[index][1] if index >= 0 else math.nan

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from contextlib import redirect_stdout
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -82,7 +84,8 @@ def _topics(path: Path, left_out: LeftOut) -> dict[str, Topic]:
     if not data.startswith(MAGIC):
         raise InputError(path, "a file that is no ULog", EXPECTED)
     try:
-        log = ULog(str(path), list(_TOPICS), disable_str_exceptions=True)
+        with redirect_stdout(StringIO()):  # it prints what it meets; damage is counted instead
+            log = ULog(str(path), list(_TOPICS), disable_str_exceptions=True)
     except Exception as error:  # pyulog raises whatever its parsing meets in a damaged head
         raise InputError(path, f"a damaged log ({type(error).__name__})", EXPECTED) from None
     if log.file_corruption:

@@ -218,6 +218,24 @@ def test_in_a_transport_stream_presentation_times_tie_it_to_the_video(tmp_path: 
     assert_same_flight(track, true)
 
 
+@pytest.mark.parametrize("synchronous", [True, False])
+def test_synchronous_and_asynchronous_metadata_are_tied_alike(tmp_path: Path, synchronous: bool) -> None:
+    path, true = tmp_path / "flight.ts", flight(30)
+    klv.write_metadata_stream(path, klv.packets(true), 0.02, synchronous=synchronous)
+    track = read(path)
+    assert np.allclose(track.times_s, true.times_s + 0.02, atol=1e-3)
+    assert not track.assumed
+    assert_same_flight(track, true)
+
+
+def test_metadata_without_presentation_times_is_tied_by_its_place_and_that_is_said(tmp_path: Path) -> None:
+    path, true = tmp_path / "flight.ts", flight(30)
+    klv.write_metadata_stream(path, klv.packets(true), 0.0, synchronous=False, presentation_times=False)
+    track = read(path)
+    assert np.allclose(track.times_s, true.times_s, atol=1e-3)
+    assert any("no presentation times" in sentence for sentence in track.assumed)
+
+
 def test_several_packets_in_one_piece_keep_their_own_times(tmp_path: Path) -> None:
     path, true = tmp_path / "flight.ts", flight(30)
     whole = klv.packets(true)

@@ -1,6 +1,7 @@
 """The pose between samples, at the ends, and its height above each datum."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -67,6 +68,22 @@ def test_angles_turn_the_shorter_way(yaw_deg: tuple[float, float], middle_deg: f
     pose = at(0.5, track(yaw_deg))
     expected = enu_from_camera(math.radians(middle_deg), math.radians(-45.0), 0.0)
     np.testing.assert_allclose(pose.enu_from_camera, expected, atol=1e-12)
+
+
+def test_a_camera_that_swings_through_straight_down_does_not_spin() -> None:
+    samples = replace(
+        track((0.0, 180.0)), pitch_rad=np.radians([-89.0, -89.0]), roll_rad=np.radians([0.0, 180.0])
+    )
+    np.testing.assert_allclose(
+        at(0.5, samples).enu_from_camera, enu_from_camera(0.0, -math.pi / 2.0, 0.0), atol=1e-9
+    )
+
+
+def test_a_drone_that_turns_over_its_place_turns_the_picture_of_what_is_below() -> None:
+    samples = replace(track((350.0, 30.0)), pitch_rad=np.radians([-90.0, -90.0]))
+    np.testing.assert_allclose(
+        at(0.25, samples).enu_from_camera, enu_from_camera(0.0, -math.pi / 2.0, 0.0), atol=1e-9
+    )
 
 
 def test_the_ends_go_on_as_they_moved_for_half_a_sample_and_no_longer() -> None:

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from pipeline.config.mission import Angles, Telemetry
 from pipeline.errors import InputError
@@ -66,6 +67,28 @@ def test_a_fixed_gimbal_may_look_along_the_course_the_nose_or_an_angle() -> None
     )
     with pytest.raises(InputError, match="without the aircraft's heading"):
         way(flight(), gimbal=down | {"yaw": "aircraft"})
+
+
+def test_a_camera_fixed_to_the_airframe_leans_with_it() -> None:
+    flat = np.zeros(5)
+    leaning = flight(
+        aircraft_yaw_rad=np.radians(np.full(5, 80.0)),
+        aircraft_pitch_rad=flat,
+        aircraft_roll_rad=flat + math.radians(20.0),
+    )
+    fixed = {"yaw": "aircraft", "pitch": "aircraft"}
+    # straight down on an airframe whose right wing is 20 degrees down: it looks 20 degrees to the left, the north
+    pose = way(leaning, gimbal=fixed, mounting={"pitch": {"degrees": -90}}, yaw_offset={"degrees": 10}).pose(
+        1.0
+    )
+    assert pose is not None
+    assert np.allclose(
+        pose.enu_from_camera[:, 2], [0.0, math.sin(math.radians(20.0)), -math.cos(math.radians(20.0))]
+    )
+    with pytest.raises(InputError, match="without the aircraft's attitude"):
+        way(flight(aircraft_yaw_rad=flat), gimbal=fixed)
+    with pytest.raises(ValidationError, match="gimbal"):
+        way(leaning, gimbal={"yaw": "course", "pitch": "aircraft"})
 
 
 def test_a_course_is_less_sure_than_an_angle_and_says_so() -> None:
