@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from pipeline.config.mission import Datum
+from pipeline.config.mission import Datum, Telemetry
 from pipeline.errors import InputError
 from pipeline.geo.frame import LocalFrame
 from pipeline.geo.geoid import undulation_m
 from pipeline.geo.surface_model import SurfaceModel
 from pipeline.geo.terrain import load_terrain
 from pipeline.ingest.ground import middle_of
+from pipeline.ingest.registry import read_telemetry
 from pipeline.ingest.track import Track
 from pipeline.ingest.video.file import VideoInfo
 from pipeline.ingest.video.metadata import created_ns
@@ -73,6 +75,10 @@ def draft_of(folder: Path, contents: Contents) -> MissionDraft:
     """What the mission says, apart from how it is written."""
     began_ns = [created_ns(video.path) for video in contents.videos]
     pairs = pair(contents.videos, contents.telemetry, began_ns)
+    own = {p.video: contents.videos[p.video].path for p in pairs if p.telemetry is None}
+    inside = _inside(list(own.values()))
+    pairs = [Pair(p.video, own[p.video]) if own.get(p.video) in inside else p for p in pairs]
+    contents = replace(contents, telemetry={**contents.telemetry, **inside})
     used = {p.telemetry for p in pairs if p.telemetry is not None}
     tracks = [contents.telemetry[path] for path in sorted(used)]
     near: list[SurfaceModel] = list(contents.surface_models)
@@ -97,6 +103,15 @@ def draft_of(folder: Path, contents: Contents) -> MissionDraft:
         streams.append(StreamDraft(id=name, stills=stills))
     area = contents.areas[0] if contents.areas else None
     return MissionDraft(folder.resolve().name, tuple(streams), tuple(m.path for m in near), area, unused)
+
+
+def _inside(videos: Sequence[Path]) -> dict[Path, Track]:
+    """The telemetry of those videos that hold it themselves."""
+    found = {}
+    for path in videos:
+        with suppress(InputError):
+            found[path] = read_telemetry(Telemetry(file=path))
+    return found
 
 
 def _stream(

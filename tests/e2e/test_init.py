@@ -16,7 +16,10 @@ from rasterio.windows import Window
 from actors.cli import main
 from pipeline.config.mission import load_mission
 from pipeline.init import init_mission as init_module
-from pipeline.init.init_mission import init_mission
+from pipeline.init.contents import contents_of
+from pipeline.init.draft import mission_text
+from pipeline.init.init_mission import draft_of, init_mission
+from tests.dialects import demo, dji_subtitles, video_text_track
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -179,3 +182,19 @@ def test_nothing_is_overwritten_and_an_empty_folder_is_refused(card: Path, tmp_p
         assert found in result.stderr.replace("\n", " ")
     assert (card / "pool.yaml").read_text() == "mine"
     assert not (card / "mission.yaml").exists()
+
+
+def test_telemetry_inside_the_videos_is_found(tmp_path: Path) -> None:
+    folder = tmp_path / "card"
+    folder.mkdir()
+    for name in demo.STREAMS:
+        rows = demo.true_track(name)
+        video_text_track.write(
+            folder / f"{name}.mp4", demo.DEMO / f"{name}.mp4", rows, dji_subtitles.brackets
+        )
+    shutil.copy(demo.DEMO / "terrain.tif", folder)
+    shutil.copy(demo.DEMO / "camera.yaml", folder)
+    draft = draft_of(folder, contents_of(folder))
+    assert [s.telemetry for s in draft.streams] == [folder / "drone-1.mp4", folder / "drone-2.mp4"]
+    assert [(s.height, s.gimbal) for s in draft.streams] == [("absolute", False)] * 2
+    assert "FILL IN" not in mission_text(draft, folder)
