@@ -72,11 +72,12 @@ def check(
 ) -> None:
     """Find everything that would keep a mission from running, without running it."""
     from pipeline.mission.find_mission import find_mission
+    from pipeline.mission.noticed import noticed
     from pipeline.mission.planning import plan
     from pipeline.mission.prepared import prepare
 
     mission = find_mission(mission)
-    prepared = prepare(mission)
+    prepared = noticed(prepare(mission))
     result = plan(prepared)
     for finding in prepared.findings:
         _say(str(finding))
@@ -115,6 +116,7 @@ def run(
     from actors.mission import RunOptions, run_on_ray
     from pipeline.mission.find_mission import find_mission
     from pipeline.mission.local import run_local
+    from pipeline.mission.noticed import noticed
     from pipeline.mission.planning import plan
     from pipeline.mission.prepared import prepare
     from pipeline.mission.run_directory import write_run_directory
@@ -123,7 +125,7 @@ def run(
     mission = find_mission(mission)
     out = mission.parent / "run" if out is None else out
     with claimed(out):
-        prepared = prepare(mission)
+        prepared = noticed(prepare(mission))
         with _progress("frames") as progress:
             if local:
                 finished = run_local(prepared, plan(prepared), progress)
@@ -183,11 +185,10 @@ def main() -> None:
 
 
 def _print_people(summary) -> None:  # type: ignore[no-untyped-def]
-    from pipeline.outputs.report import verdict
     from pipeline.outputs.times import clock_time, zone_name
 
     caption = f"±: 95 %; {zone_name(summary.clock)}"
-    table = Table(title=verdict(summary.locations, summary.match), pad_edge=False, caption=caption)
+    table = Table(title=summary.verdict.sentence, pad_edge=False, caption=caption)
     distance = {} if summary.match is None else summary.match.distance_m
     for column in ("no.", "prob.", "latitude", "longitude", "±", "from", "to", "off by"):
         table.add_column(column, justify="right", no_wrap=True)

@@ -65,7 +65,6 @@ def fuse(
     from pipeline.mission.own_detections import OwnDetector
     from pipeline.mission.picture_finder import Numbering
     from pipeline.mission.run_directory import write_run_directory
-    from pipeline.outputs.report import verdict
     from pipeline.storage.whole_or_nothing import check_run_directory
 
     check_run_directory(out)
@@ -86,7 +85,7 @@ def fuse(
     summary = write_run_directory(prepared, finished, out)
     for sentence in summary.own_detections:
         say(sentence)
-    say(f"{verdict(summary.locations, summary.match)} See {out / 'report.html'}")
+    say(f"{summary.verdict.sentence} See {out / 'report.html'}")
 
 
 def _pair(text: str) -> tuple[str, str]:

@@ -25,7 +25,7 @@ FIELDS = (
     "horizontal_sd", "height_sd", "attitude_sd", "recording",
 )  # fmt: skip
 _LIMITS = {
-    "latitude": 90.0, "longitude": 180.0, "yaw": 360.0, "pitch": 180.0, "roll": 360.0,
+    "latitude": 90.0, "longitude": 180.0, "yaw": 360.0, "pitch": 140.0, "roll": 360.0,
     "aircraft_yaw": 360.0, "aircraft_pitch": 180.0, "aircraft_roll": 360.0,
     "absolute_height": 20_000.0, "relative_height": 20_000.0,
 }  # fmt: skip
@@ -85,10 +85,12 @@ def track_of(
     left_out: what the reader left out already. Raises InputError if no sample is left, with the reasons.
     """
     left_out = left_out or LeftOut()
-    kept = _plausible(list(samples), left_out)
+    all_samples = list(samples)
+    kept = _plausible(all_samples, left_out)
     kept = _without_spikes(_in_order(kept, left_out), left_out)
     if not kept:
-        raise InputError(path, f"no usable sample ({left_out})" if left_out.counts else "no sample", expected)
+        found = f"no usable sample ({left_out})" if left_out.counts else "no sample"
+        raise InputError(path, found, _angles_in_degrees(all_samples) or expected)
     columns = {name: np.array([s.values.get(name, math.nan) for s in kept]) for name in FIELDS}
     start_ns, of_dates = _start_ns(kept)
     return Track(
@@ -139,6 +141,15 @@ def _start_ns(samples: Sequence[Sample]) -> tuple[int | None, list[str]]:
         else []
     )
     return agreeing[0][1], text
+
+
+def _angles_in_degrees(samples: Sequence[Sample]) -> str:
+    """What to look at if every sample has an angle beyond what there is; empty otherwise."""
+    for name in ("pitch", "yaw", "roll"):
+        values = [s.values[name] for s in samples if name in s.values]
+        if values and float(np.median(np.abs(values))) > _LIMITS[name]:
+            return f"angles in degrees; {name} is about {float(np.median(values)):g}: tenths of a degree?"
+    return ""
 
 
 def _plausible(samples: list[Sample], left_out: LeftOut) -> list[Sample]:

@@ -21,7 +21,7 @@ from pipeline.geo.terrain import Terrain
 from pipeline.ingest.finding import Finding
 from pipeline.ingest.ground import GroundModel, Window, frame_over, load_ground, window_about
 from pipeline.ingest.resolution import with_resolution
-from pipeline.ingest.track import Clock
+from pipeline.ingest.track import Clock, Track
 from pipeline.link.codec import require_codec
 from pipeline.mission.checks import (
     area_is_on_terrain,
@@ -53,6 +53,7 @@ class Filmed:
     streams: tuple[StreamInput, ...]
     findings: tuple[Finding, ...]
     left_out: Mapping[str, Mapping[str, int]]
+    tracks: Mapping[str, Track]
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +61,8 @@ class PreparedMission:
     """A mission whose every file was read and found usable.
 
     findings: what was noticed and assumed on the way. left_out: samples not used, stream -> reason -> count.
-    known_layers: of the map, by name, of every detector of the pool that has a model.
+    known_layers: of the map, by name, of every detector of the pool that has a model. tracks: the samples of each
+    stream.
     """
 
     path: Path
@@ -74,6 +76,7 @@ class PreparedMission:
     findings: tuple[Finding, ...] = ()
     left_out: Mapping[str, Mapping[str, int]] = field(default_factory=dict)
     known_layers: Mapping[str, frozenset[str]] = field(default_factory=dict)
+    tracks: Mapping[str, Track] = field(default_factory=dict)
 
     @property
     def clock(self) -> Clock:
@@ -140,6 +143,7 @@ def prepare(path: Path) -> PreparedMission:
         (*look.findings, *filmed.findings),
         filmed.left_out,
         look.known,
+        filmed.tracks,
     )
 
 
@@ -164,7 +168,8 @@ def read_filmed(path: Path, mission: Mission, faults: Faults) -> Filmed:
     faults.raise_if_any()
     cameras = {r.stream.id: r.camera for r in recordings}
     left_out = {r.stream.id: dict(r.track.left_out) for r in recordings if r.track.left_out}
-    return Filmed(mission, terrain, cameras, streams, tuple(findings), left_out)
+    by_stream = {r.stream.id: r.track for r in recordings}
+    return Filmed(mission, terrain, cameras, streams, tuple(findings), left_out, by_stream)
 
 
 def _streams(

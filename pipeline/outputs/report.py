@@ -15,7 +15,7 @@ from pipeline.outputs.html import page_environment
 from pipeline.outputs.map_picture import map_picture, observed_area_m2, png
 from pipeline.outputs.summary import Summary
 from pipeline.outputs.times import clock_time, iso_time, zone_name
-from pipeline.outputs.truth import TruePerson, TruthMatch
+from pipeline.outputs.truth import TruePerson
 from pipeline.second_look.areas import SecondLookArea
 from pipeline.second_look.flight import SecondFlight
 from pipeline.storage.whole_or_nothing import write_text
@@ -63,7 +63,7 @@ def render_report(data: ReportData) -> str:
         summary=summary,
         places=places,
         zone=zone_name(summary.clock),
-        verdict=verdict(summary.locations, summary.match),
+        verdict=summary.verdict,
         distance_m={} if summary.match is None else summary.match.distance_m,
         first_ns=min((place.first_seen_ns for place in places), default=None),
         area_ha=observed_area_m2(data.voxel_map) / 1e4,
@@ -76,23 +76,6 @@ def render_report(data: ReportData) -> str:
         second_flight=data.second_flight,
         second_png=None if data.second_picture is None else png(data.second_picture),
     )
-
-
-def verdict(locations: Sequence[SalientLocation], match: TruthMatch | None) -> str:
-    """One sentence: how many people were found, and how well, if that is known."""
-    if match is None:
-        if not locations:
-            return "No place reached the threshold. Ground that was not looked at may still hide a person."
-        best = max(place.probability for place in locations)
-        return f"{_count(len(locations), 'place')} where a person is likely; the most probable at {best:.0%}."
-    sentence = f"{len(match.found)} of {_count(match.people, 'person', 'people')} found"
-    if match.mean_distance_m is not None:
-        sentence += f", {match.mean_distance_m:.2f} m from the true place on average"
-    return f"{sentence}; {_count(len(match.false), 'false place') if match.false else 'no false place'}."
-
-
-def _count(number: int, one: str, many: str = "") -> str:
-    return f"{number} {one if number == 1 else many or one + 's'}"
 
 
 def _geo_uri(place: SalientLocation) -> str:

@@ -17,6 +17,7 @@ from pipeline.outputs.accounting import StreamAccount
 from pipeline.outputs.salient_geojson import ellipse_json
 from pipeline.outputs.times import iso_time, zone_name
 from pipeline.outputs.truth import MATCH_RADIUS_M, TruthMatch
+from pipeline.outputs.verdict import Verdict, judge
 from pipeline.storage.versions import stamp
 from pipeline.storage.whole_or_nothing import WRITTEN_BY, write_text
 
@@ -109,6 +110,13 @@ class Summary:
     clock: Clock = "utc"
     findings: Sequence[Finding] = ()
     left_out: Mapping[str, Mapping[str, int]] = field(default_factory=dict)
+
+    @property
+    def verdict(self) -> Verdict:
+        """What all of it means, in one sentence."""
+        boxes = sum(substream.detections for substream in self.substreams)
+        return judge(self.locations, self.match, self.not_taken, boxes, self.findings)
+
     own_detections: Sequence[str] = ()
 
 
@@ -131,6 +139,7 @@ def summary_to_json(summary: Summary) -> dict[str, Any]:
         "streams": [_account(account) for account in summary.streams],
         "substreams": [_substream(substream) for substream in summary.substreams],
         "links": [_link(link) for link in summary.links],
+        "verdict": asdict(summary.verdict),
         "clock": zone_name(summary.clock),
         "found": [_place(place, summary.clock) for place in summary.locations],
         "truth": None if summary.match is None else _truth(summary.match),

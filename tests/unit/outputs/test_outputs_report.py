@@ -10,8 +10,9 @@ import pytest
 from synthetic_search import location, standing
 
 from pipeline.outputs.map_picture import second_look_picture
-from pipeline.outputs.report import ReportData, render_report, verdict, write_report
+from pipeline.outputs.report import ReportData, render_report, write_report
 from pipeline.outputs.truth import match_truth
+from pipeline.outputs.verdict import judge
 from pipeline.second_look.areas import SecondLookArea
 from pipeline.second_look.flight import SecondFlight, Waypoint
 
@@ -96,12 +97,14 @@ def test_the_same_data_gives_the_same_file(search: Search, tmp_path: Path) -> No
 def test_the_verdict_counts_found_people_and_false_places(places: int, people: int, sentence: str) -> None:
     locations = [location(k, 10.0 * k, 0.0) for k in range(places)]
     truth = [standing(str(k), 10.0 * k, 0.0) for k in range(people)]
-    assert verdict(locations, match_truth(locations, truth)) == sentence
+    assert judge(locations, match_truth(locations, truth), {}, 0).sentence == sentence
 
 
 def test_the_verdict_without_truth_claims_no_more_than_it_knows() -> None:
-    assert verdict([location(1, 0, 0, 0.934)], None).startswith("1 place where a person is likely; ")
-    assert "may still hide" in verdict([], None)
+    assert judge([location(1, 0, 0, 0.934)], None, {}, 0).sentence.startswith(
+        "1 place where a person is likely; "
+    )
+    assert "may still hide" in judge([], None, {}, 0).sentence
 
 
 def test_the_second_look_is_a_section_of_its_own(search: Search) -> None:

@@ -1,0 +1,1 @@
+"""Checks that know what a value means: each gives findings, with the measurement behind them; none changes a value."""

@@ -1,0 +1,83 @@
+"""What the files of a mission say about each other: all checks, on a mission that was read."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from pipeline.geo.geoid import undulation_m
+from pipeline.ingest.checks.motion_check import MotionCheckParams, check_motion
+from pipeline.ingest.checks.picture_motion import picture_motion
+from pipeline.ingest.checks.predicted_motion import Predictor
+from pipeline.ingest.checks.track_checks import check_duration, check_speed, check_takeoff, check_units
+from pipeline.ingest.finding import Finding
+from pipeline.ingest.track import Track
+from pipeline.ingest.trajectory import Trajectory
+from pipeline.mission.prepared import PreparedMission
+
+#: positions in coarser steps than this do not tell how a drone moved within a burst, metres
+_COARSEST_M = 0.3
+_METERS_PER_DEGREE = 111_320.0
+#: samples farther apart than this do not either, seconds
+_SLOWEST_S = 2.5
+
+
+def noticed(prepared: PreparedMission) -> PreparedMission:
+    """The mission, with what the checks found beside what was found in reading it."""
+    return replace(prepared, findings=(*prepared.findings, *_of_samples(prepared), *_of_motion(prepared)))
+
+
+def _of_samples(prepared: PreparedMission) -> list[Finding]:
+    findings = []
+    for stream, config in zip(prepared.streams, prepared.mission.streams, strict=True):
+        track, where = prepared.tracks[stream.stream], str(config.telemetry.file)
+        findings += check_duration(where, track, stream.video.duration_s)
+        findings += check_units(where, track)
+        findings += check_speed(where, stream.trajectory)
+        place = next(k for k in range(len(track.times_s)) if np.isfinite(track.latitude_deg[k]))
+        geoid_m, _ = undulation_m(float(track.latitude_deg[place]), float(track.longitude_deg[place]))
+        findings += check_takeoff(
+            where, track, config.telemetry, stream.trajectory, prepared.terrain, geoid_m
+        )
+    return findings
+
+
+def _of_motion(prepared: PreparedMission) -> list[Finding]:
+    findings = []
+    params = MotionCheckParams()
+    for stream, config in zip(prepared.streams, prepared.mission.streams, strict=True):
+        where = str(config.telemetry.file)
+        coarse = too_coarse(prepared.tracks[stream.stream])
+        if coarse:
+            findings.append(
+                Finding("assumed", "motion_unseen", where, f"its motion was not compared: {coarse}")
+            )
+            continue
+        motion = picture_motion(stream.path, stream.video.duration_s)
+        camera = prepared.cameras[stream.stream]
+
+        def predictor(trajectory: Trajectory) -> Predictor:
+            return Predictor(motion, trajectory, camera, prepared.terrain)  # noqa: B023 - called in this turn only
+
+        others = {s.stream: predictor(s.trajectory) for s in prepared.streams if s.stream != stream.stream}
+        findings += check_motion(where, motion, predictor(stream.trajectory), others, params)
+    return findings
+
+
+def too_coarse(track: Track) -> str:
+    """Why positions do not tell how a drone moves in a quarter of a second; empty if they do."""
+    known = np.isfinite(track.latitude_deg)
+    if known.sum() < 3:
+        return "fewer than three samples"
+    steps = np.abs(np.diff(np.unique(np.round(track.latitude_deg[known], 10)))) * _METERS_PER_DEGREE
+    if len(steps) and float(np.median(steps)) > _COARSEST_M and _is_rounded(track):
+        return f"positions in steps of {float(np.median(steps)):.1f} m"
+    apart_s = float(np.median(np.diff(track.times_s)))
+    return f"a sample each {apart_s:.1f} s" if apart_s > _SLOWEST_S else ""
+
+
+def _is_rounded(track: Track) -> bool:
+    """Whether positions repeat from sample to sample, as those of few decimals do."""
+    same = (np.diff(track.latitude_deg) == 0.0) & (np.diff(track.longitude_deg) == 0.0)
+    return bool(np.mean(same) > 0.3)

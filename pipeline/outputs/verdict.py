@@ -1,0 +1,101 @@
+"""What a run says in one sentence, and why it may not be believed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from pipeline.fusion.salient import SalientLocation
+from pipeline.ingest.finding import Finding
+from pipeline.outputs.truth import TruthMatch
+
+Kind = Literal["found", "nobody_found", "cannot_be_trusted"]
+
+#: a map is not believed if one reason refused more than this share of the boxes, and at least so many
+_MOST_REFUSED, _LEAST_BOXES = 0.5, 20
+#: reasons that a good map has too: a box at the border is seen whole in the next picture
+_HARMLESS = frozenset({"cut by the picture's border"})
+#: findings that say that places are wrong, not only less sure
+_WRONG_PLACES = frozenset(
+    [
+        "clock_off",
+        "heading_off",
+        "height_off",
+        "focal_length",
+        "pitch_sign",
+        "exchanged",
+        "other_flight",
+        "frozen",
+        "units",
+        "duration",
+    ]
+)
+#: what usually makes a reason so frequent
+_LIKELY = {
+    "not the size of its class, or no trust": "heights, focal length, or the scores of the detector",
+    "no ground within reach": "pitch, heights, or the surface model",
+    "no voxel": "heading, position, or a surface model that is too small",
+    "pose outside the terrain": "position, or a surface model that is too small",
+    "pose under the ground": "heights above different datums",
+    "class without a layer": "the detector's classes",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """kind, sentence: for the head of every output. reasons: refused evidence, reason -> count. boxes: in all."""
+
+    kind: Kind
+    sentence: str
+    reasons: Mapping[str, int]
+    boxes: int
+
+
+def judge(
+    locations: Sequence[SalientLocation],
+    match: TruthMatch | None,
+    not_taken: Mapping[str, int],
+    boxes: int,
+    findings: Sequence[Finding] = (),
+) -> Verdict:
+    """boxes: reported by all detectors. not_taken: what of them the map did not take, reason -> count."""
+    doubt = _doubt(not_taken, boxes) or _wrong_places(findings)
+    kind: Kind = "cannot_be_trusted" if doubt else "found" if locations else "nobody_found"
+    sentence = f"This map cannot be trusted, because {doubt}." if doubt else _found(locations, match)
+    return Verdict(kind, sentence, dict(not_taken), boxes)
+
+
+def _doubt(not_taken: Mapping[str, int], boxes: int) -> str | None:
+    refused = {reason: count for reason, count in not_taken.items() if reason not in _HARMLESS}
+    if not refused:
+        return None
+    reason, count = max(refused.items(), key=lambda item: item[1])
+    if count < _LEAST_BOXES or count <= _MOST_REFUSED * max(boxes, count):
+        return None
+    likely = f" (look at {_LIKELY[reason]})" if reason in _LIKELY else ""
+    return f"{count:,} of {max(boxes, count):,} boxes were refused: {reason}{likely}"
+
+
+def _wrong_places(findings: Sequence[Finding]) -> str | None:
+    for finding in findings:
+        if finding.severity == "warning" and set(finding.cause.split("/")) & _WRONG_PLACES:
+            return f"{finding.where.rpartition('/')[2]}: {finding.found}"
+    return None
+
+
+def _found(locations: Sequence[SalientLocation], match: TruthMatch | None) -> str:
+    """One sentence: how many people were found, and how well, if that is known."""
+    if match is None:
+        if not locations:
+            return "No place reached the threshold. Ground that was not looked at may still hide a person."
+        best = max(place.probability for place in locations)
+        return f"{_count(len(locations), 'place')} where a person is likely; the most probable at {best:.0%}."
+    sentence = f"{len(match.found)} of {_count(match.people, 'person', 'people')} found"
+    if match.mean_distance_m is not None:
+        sentence += f", {match.mean_distance_m:.2f} m from the true place on average"
+    return f"{sentence}; {_count(len(match.false), 'false place') if match.false else 'no false place'}."
+
+
+def _count(number: int, one: str, many: str = "") -> str:
+    return f"{number} {one if number == 1 else many or one + 's'}"
