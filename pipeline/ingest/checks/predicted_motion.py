@@ -59,13 +59,14 @@ class Predictor:
 
     def _placed(self, times_s: FloatArray, assumed: Assumption) -> tuple[FloatArray, FloatArray]:
         """Positions (M, 3) and rotations (M, 3, 3), NaN without a pose."""
-        position, rotation = np.full((len(times_s), 3), np.nan), np.full((len(times_s), 3, 3), np.nan)
-        for k, time_s in enumerate(times_s.tolist()):
+        moments, place = np.unique(times_s, return_inverse=True)  # the patches of a burst share their pose
+        position, rotation = np.full((len(moments), 3), np.nan), np.full((len(moments), 3, 3), np.nan)
+        for k, time_s in enumerate(moments.tolist()):
             pose = self._pose(time_s + assumed.clock_s)
             if pose is not None:
                 position[k], rotation[k] = pose.position_enu, _turned(pose.enu_from_camera, assumed)
         position[:, 2] += assumed.height_m
-        return position, rotation
+        return position[place], rotation[place]
 
     def _pose(self, time_s: float) -> CameraPose | None:
         key = round(time_s, 4)
