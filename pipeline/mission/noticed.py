@@ -32,7 +32,7 @@ def _of_samples(prepared: PreparedMission) -> list[Finding]:
     findings = []
     for stream, config in zip(prepared.streams, prepared.mission.streams, strict=True):
         track, where = prepared.tracks[stream.stream], str(config.telemetry.file)
-        findings += check_duration(where, track, stream.video.duration_s)
+        findings += check_duration(where, track, stream.end_s)
         findings += check_units(where, track)
         findings += check_speed(where, stream.trajectory)
         place = next(k for k in range(len(track.times_s)) if np.isfinite(track.latitude_deg[k]))
@@ -54,8 +54,8 @@ def _of_motion(prepared: PreparedMission) -> list[Finding]:
                 Finding("assumed", "motion_unseen", where, f"its motion was not compared: {coarse}")
             )
             continue
-        motion = picture_motion(stream.path, stream.video.duration_s)
         camera = prepared.cameras[stream.stream]
+        motion = picture_motion(stream.path, stream.end_s, (camera.width, camera.height))
 
         def predictor(trajectory: Trajectory) -> Predictor:
             return Predictor(motion, trajectory, camera, prepared.terrain)  # noqa: B023 - called in this turn only

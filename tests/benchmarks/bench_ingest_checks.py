@@ -108,6 +108,8 @@ def flight_folder(folder: Path, pattern: str, seed: int) -> Path:
         scenario[part] = scenario[part] | change
     scenario["seed"] = seed
     scenario["people"] |= {"places": 2}
+    if pattern == "hover":
+        scenario["mission"]["inventory"] = str(ROOT / "configs/inventories/hover.yaml")
     scenario["flight"] |= {"longest": {"seconds": 12}, "height": {"meters": 20}}
     scenario["recording"]["frame_rate"] = {"hertz": 15}
     path = folder / f"{pattern}-{seed}.yaml"

@@ -62,8 +62,14 @@ class Motion:
         return (self.to_px - self.from_px) / self.scale
 
 
-def picture_motion(path: Path, duration_s: float, params: MotionParams | None = None) -> Motion:
-    """The motion in a video, at moments spread over it. Nothing (M = 0) for a video that cannot be decoded."""
+def picture_motion(
+    path: Path, duration_s: float, size: tuple[int, int] | None = None, params: MotionParams | None = None
+) -> Motion:
+    """The motion in a video, at moments spread over it. Nothing (M = 0) for a video that cannot be decoded.
+
+    size: width and height of the upright picture; nothing either for a video that is filmed lying or with oblong
+    pixels, whose coded size is another one.
+    """
     params = params or MotionParams()
     rows: list[tuple[float, float, FloatArray, FloatArray, int]] = []
     scale, bursts = 1.0, 0
@@ -73,9 +79,10 @@ def picture_motion(path: Path, duration_s: float, params: MotionParams | None = 
             stream.codec_context.thread_count = 2
             width, height = stream.codec_context.width, stream.codec_context.height
             scale = max(1.0, width / params.width_px)
-            size = (round(width / scale), round(height / scale))
-            for number, begin_s in enumerate(_moments(stream, duration_s, params)):
-                pair = _pair(container, stream, begin_s, params.burst_s, size)
+            compared = (round(width / scale), round(height / scale))
+            moments = _moments(stream, duration_s, params) if size in (None, (width, height)) else np.zeros(0)
+            for number, begin_s in enumerate(moments):
+                pair = _pair(container, stream, begin_s, params.burst_s, compared)
                 if pair is None:
                     continue
                 bursts += 1
