@@ -9,7 +9,19 @@ from pathlib import Path
 from pipeline.ingest.track import Track
 from tests.dialects.attitudes import aircraft_of
 
-CODES = {"B": "B", "Q": "Q", "I": "I", "H": "H", "c": "h", "C": "H", "e": "i", "L": "i", "f": "f", "b": "b"}
+CODES = {
+    "B": "B",
+    "Q": "Q",
+    "I": "I",
+    "H": "H",
+    "c": "h",
+    "C": "H",
+    "e": "i",
+    "E": "I",
+    "L": "i",
+    "f": "f",
+    "b": "b",
+}
 #: name -> number, layout, fields
 KINDS = {
     "GPS": (130, "QBBIHBcLLef", "TimeUS,I,Status,GMS,GWk,NSats,HDop,Lat,Lng,Alt,Spd"),
@@ -18,6 +30,7 @@ KINDS = {
     "POS": (133, "QLLfff", "TimeUS,Lat,Lng,Alt,RelHomeAlt,RelOriginAlt"),
     "MNT": (134, "QBffffffff", "TimeUS,I,DesRoll,Roll,DesPitch,Pitch,DesYawB,YawB,DesYawE,YawE"),
     "AHR2": (135, "QcccfLL", "TimeUS,Roll,Pitch,Yaw,Alt,Lat,Lng"),
+    "OLD": (137, "BIHBcLLeeEI", "Status,TimeMS,Week,NSats,HDop,Lat,Lng,RelAlt,Alt,Spd,T"),
     "BAT": (136, "Qf", "TimeUS,Volt"),
 }
 BOOT_US = 30_000_000

@@ -83,3 +83,30 @@ def write(path: Path, track: Track, kind: str = "GPS5", rate: int = 10) -> None:
         other = nest("STRM", item("SCAL", "s", 2, 1, b"\1\xa2"), item("ACCL", "s", 6, 2, bytes(12)))
         data += payload(other, stream)
     path.write_bytes(data)
+
+
+def write_video(path: Path, payloads: Sequence[bytes], first_s: float = 0.0) -> None:
+    """An MP4 of a small video with the payloads, a second each, in a track as GoPro calls it."""
+    from fractions import Fraction
+
+    import av
+    import numpy as np
+
+    with av.open(str(path), "w", format="mp4") as out:
+        video = out.add_stream("mpeg4", rate=10)
+        video.width, video.height, video.pix_fmt = 64, 48, "yuv420p"
+        data = out.add_data_stream("bin_data")
+        data.metadata["handler_name"] = "GoPro MET"
+        for i in range(10 * len(payloads)):
+            frame = av.VideoFrame.from_ndarray(np.full((48, 64, 3), 4 * i % 256, np.uint8), format="rgb24")
+            frame.pts, frame.time_base = i, Fraction(1, 10)
+            for packet in video.encode(frame):
+                out.mux(packet)
+            if i % 10 == 0:
+                own = av.Packet(payloads[i // 10])
+                own.stream, own.time_base = data, Fraction(1, 1000)
+                own.pts = own.dts = 100 * i + round(first_s * 1000)
+                own.duration = 1000
+                out.mux(own)
+        for packet in video.encode(None):
+            out.mux(packet)

@@ -75,10 +75,10 @@ def _has_positions(messages: Messages | None) -> bool:
 
 
 def _times_s(messages: Messages) -> FloatArray:
-    """Seconds since boot."""
+    """Seconds since boot. The oldest logs' GPS has the time of the week in TimeMS, and that since boot in T."""
     if "TimeUS" in messages.columns:
         return messages.columns["TimeUS"] * 1e-6
-    return messages.columns["TimeMS"] * 1e-3
+    return messages.columns["T" if "T" in messages.columns else "TimeMS"] * 1e-3
 
 
 def _first_instance(messages: Messages, name: str, assumed: list[str]) -> Messages:

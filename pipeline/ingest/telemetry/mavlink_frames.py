@@ -5,6 +5,7 @@ Only the wanted messages are unpacked (by pymavlink, which checks the checksum);
 
 from __future__ import annotations
 
+import re
 from collections.abc import Container, Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -13,6 +14,7 @@ from pipeline.ingest.samples import LeftOut
 
 #: first byte of a frame -> bytes of header, and of header with checksum
 _MAGIC = {0xFE: (6, 8), 0xFD: (10, 12)}
+_FIRST_BYTE = re.compile(rb"[\xfd\xfe]")
 _SIGNED, _SIGNATURE_BYTES, _STAMP_BYTES = 0x01, 13, 8
 
 
@@ -79,11 +81,9 @@ def _frame_length(data: bytes, start: int) -> int | None:
 
 def _next_frame(data: bytes, position: int) -> int:
     """The next position of a time and a frame that is followed by another one, or the end of the file."""
-    while position + _STAMP_BYTES < len(data):
-        length = _frame_length(data, position + _STAMP_BYTES)
-        if length is not None:
-            following = position + _STAMP_BYTES + length
-            if following == len(data) or is_frame_after_stamp(data, following):
-                return position
-        position += 1
+    for found in _FIRST_BYTE.finditer(data, position + _STAMP_BYTES):
+        length = _frame_length(data, found.start())
+        following = found.start() + (length or 0)
+        if following == len(data) or is_frame_after_stamp(data, following):
+            return found.start() - _STAMP_BYTES
     return len(data)

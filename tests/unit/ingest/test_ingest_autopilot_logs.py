@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -218,6 +219,37 @@ def test_recording_in_the_log_is_known(tmp_path: Path) -> None:
     ((start_s, length_s),) = recordings_s(read(path))
     assert start_s == pytest.approx(1.0, abs=0.11)
     assert length_s == pytest.approx(3.0, abs=0.21)
+
+
+def test_the_oldest_dataflash_logs_count_since_boot_in_a_field_of_their_own(tmp_path: Path) -> None:
+    path, true = tmp_path / "log.bin", flight()
+    data = ardupilot_bin.describe(137, "GPS", *ardupilot_bin.KINDS["OLD"][1:]) + ardupilot_bin.head("ATT")
+    for i, time_s in enumerate(true.times_s.tolist()):
+        lat, lng = round(true.latitude_deg[i] * 1e7), round(true.longitude_deg[i] * 1e7)
+        heights = (round(v[i] * 100) for v in (true.relative_height_m, true.absolute_height_m))
+        own_ms = 30_000 + round(time_s * 1000)
+        data += ardupilot_bin.message(
+            "OLD", 3, 32_000_000 + round(time_s * 1000), 1775, 9, 120, lat, lng, *heights, 0, own_ms
+        )
+        data += ardupilot_bin.message("ATT", own_ms * 1000, 0, 1.0, 0, 2.0, 0, 33.0)
+    path.write_bytes(data)
+    track = read(path)
+    assert np.allclose(track.times_s, 30.0 + true.times_s)
+    assert np.allclose(track.relative_height_m, true.relative_height_m, atol=0.01)
+    assert track.aircraft_yaw_rad is not None
+    assert np.allclose(np.degrees(track.aircraft_yaw_rad[:-1]), 33.0)
+    assert track.clock == "utc"
+
+
+def test_noise_of_megabytes_between_messages_is_stepped_over_soon(tmp_path: Path) -> None:
+    path, true = tmp_path / "log.tlog", flight()
+    data = bytes(mavlink_tlog.log_of(true).data)
+    path.write_bytes(data + b"\xfd\x00" * 1_000_000 + bytes(1_000_000) + data[: len(data) // 2])
+    started = time.process_time()
+    track = read(path)
+    assert time.process_time() - started < 5.0
+    assert len(track.times_s) >= 60
+    assert sum(track.left_out.values()) >= 1
 
 
 def test_of_two_receivers_the_first_is_taken_and_said(tmp_path: Path) -> None:

@@ -44,6 +44,27 @@ def test_what_was_laid_in_comes_out(tmp_path: Path, kind: str) -> None:
     assert track.height_datum == ("geoid" if kind == "GPS5" else None)
 
 
+def test_in_an_mp4_the_track_is_tied_to_the_pictures(tmp_path: Path) -> None:
+    path, true = tmp_path / "GX010001.MP4", flight()
+    stamps = [datetime.fromtimestamp(START_NS * 1e-9 + k, UTC) for k in range(6)]
+    gpmf.write_video(
+        path, [gpmf.payload(gpmf.gps5(gpmf.positions(true, k, 10), when)) for k, when in enumerate(stamps)]
+    )
+    assert format_of(Telemetry(file=path)).name == "gopro-gpmf"
+    track = read(path)
+    assert np.allclose(track.times_s, true.times_s, atol=2e-3)
+    assert np.allclose(track.latitude_deg, true.latitude_deg, atol=6e-8)
+    assert track.tied_to_video
+    assert not track.assumed
+
+
+def test_an_mp4_without_a_track_of_telemetry_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "GX010001.MP4"
+    gpmf.write_video(path, [b"no GPMF in here"])
+    with pytest.raises(InputError, match="without GPS"):
+        read(path)
+
+
 def test_a_second_without_a_fix_is_left_out(tmp_path: Path) -> None:
     path = tmp_path / "flight.raw"
     path.write_bytes(
