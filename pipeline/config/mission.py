@@ -172,7 +172,9 @@ class Angles(Strict):
 
 
 class Telemetry(Strict):
-    """Where the camera was. time_offset is added to the telemetry's time to get the video's; absent: found out.
+    """Where the camera was. file: may be a list, of one for each recording of the stream.
+
+    time_offset is added to the telemetry's time to get the video's; absent: found out.
 
     format: ``auto``, or the name of one that ``searchlight check`` lists. height: which height field to use;
     ``absolute`` is above height_datum, ``relative`` above takeoff_height (absent: the ground under the first
@@ -186,6 +188,7 @@ class Telemetry(Strict):
     """
 
     file: Path
+    following: tuple[Path, ...] = ()
     format: str = "auto"
     time_offset: Seconds | None = None
     utc_offset: Seconds | None = None
@@ -204,6 +207,21 @@ class Telemetry(Strict):
     gps_order: Literal["longitude_first", "latitude_first"] | None = None
     sensor_azimuth: Literal["relative", "absolute"] | None = None
     system_id: int | None = Field(default=None, ge=1, le=255)
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Of each recording, in their order; one alone may be of all."""
+        return (self.file, *self.following)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _first_and_following(cls, given: Any) -> Any:
+        if not isinstance(given, dict) or not isinstance(given.get("file"), list | tuple):
+            return given
+        if not given["file"]:
+            raise mismatch("an empty list", "a file, or one for each recording", ("file",))
+        first, *following = given["file"]
+        return given | {"file": first, "following": following}
 
     @model_validator(mode="after")
     def _columns_are_known(self) -> Telemetry:
@@ -251,9 +269,7 @@ class Stream(Strict):
     def _telemetry_is_in_the_video(cls, given: Any) -> Any:
         if not isinstance(given, dict) or "telemetry" in given or "video" not in given:
             return given
-        video = given["video"]
-        first = video[0] if isinstance(video, list | tuple) and video else video
-        return given | {"telemetry": {"file": first}}
+        return given | {"telemetry": {"file": given["video"]}}
 
 
 class Delays(Strict):
@@ -454,7 +470,8 @@ def _resolved(telemetry: Telemetry, base: Path) -> Telemetry:
     angles = telemetry.angles
     if angles is not None:
         angles = angles.model_copy(update={"file": base / angles.file})
-    return telemetry.model_copy(update={"file": base / telemetry.file, "angles": angles})
+    first, *following = (base / file for file in telemetry.files)
+    return telemetry.model_copy(update={"file": first, "following": tuple(following), "angles": angles})
 
 
 def _files(base: Path, files: tuple[Path, ...]) -> Path | tuple[Path, ...]:

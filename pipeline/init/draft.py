@@ -41,7 +41,7 @@ class StreamDraft:
     id: str
     videos: tuple[Path, ...] = ()
     stills: Path | None = None
-    telemetry: Path | None = None
+    telemetry: Path | tuple[Path, ...] | None = None
     pairing: str = ""
     assumed: tuple[str, ...] = ()
     height: str = "absolute"
@@ -95,7 +95,11 @@ def mission_text(draft: MissionDraft, folder: Path) -> str:
         undefined=jinja2.StrictUndefined,
         autoescape=False,
     )
-    environment.filters["yaml"] = lambda path: _scalar(relative(path))
+    environment.filters["yaml"] = lambda files: (
+        f"[{', '.join(_scalar(relative(f)) for f in files)}]"
+        if isinstance(files, tuple)
+        else _scalar(relative(files))
+    )
     cell_m, reason = _cell(draft.streams)
     return environment.get_template("mission.yaml.j2").render(
         version=FORMAT_VERSION,

@@ -97,7 +97,7 @@ def draft_of(folder: Path, contents: Contents) -> MissionDraft:
     for row in in_rows(contents.videos, began_ns):
         videos = [contents.videos[k] for k in row]
         name = stream_name(videos[0].path, [s.id for s in streams])
-        streams.append(_stream(name, videos, pairs[row[0]], contents, ground))
+        streams.append(_stream(name, videos, [pairs[k] for k in row], contents, ground))
     for stills in contents.stills:
         name = stream_name(stills, [s.id for s in streams])
         streams.append(StreamDraft(id=name, stills=stills))
@@ -115,15 +115,16 @@ def _inside(videos: Sequence[Path]) -> dict[Path, Track]:
 
 
 def _stream(
-    name: str, videos: list[VideoInfo], found: Pair, contents: Contents, ground: Ground | None
+    name: str, videos: list[VideoInfo], pairs: list[Pair], contents: Contents, ground: Ground | None
 ) -> StreamDraft:
+    found = pairs[0]
     track = None if found.telemetry is None else contents.telemetry[found.telemetry]
     height = HeightChoice("absolute", None, "") if track is None else _height(track, ground)
     camera, reason = _camera(videos[0], contents)
     return StreamDraft(
         id=name,
         videos=tuple(v.path for v in videos),
-        telemetry=found.telemetry,
+        telemetry=_files_of(pairs, contents),
         pairing=found.reason,
         assumed=() if track is None else track.assumed,
         height=height.height,
@@ -135,6 +136,15 @@ def _stream(
         rate_hz=min(v.frame_rate for v in videos),
         track=track,
     )
+
+
+def _files_of(pairs: list[Pair], contents: Contents) -> Path | tuple[Path, ...] | None:
+    """The telemetry of a row of recordings: of each its own, if all have one on their clock, or else the first's."""
+    files = tuple(p.telemetry for p in pairs if p.telemetry is not None)
+    each_has_one = len(pairs) > 1 and len(files) == len(pairs)
+    if each_has_one and all(contents.telemetry[file].tied_to_video for file in files):
+        return files
+    return pairs[0].telemetry
 
 
 def _camera(video: VideoInfo, contents: Contents) -> tuple[Path | str, str]:

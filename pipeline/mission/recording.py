@@ -13,6 +13,7 @@ from pipeline.geo.camera import Camera
 from pipeline.geo.frame import LocalFrame
 from pipeline.ingest.clock import Alignment, align, on_the_videos_clock
 from pipeline.ingest.finding import Finding
+from pipeline.ingest.joined import joined
 from pipeline.ingest.registry import read_telemetry
 from pipeline.ingest.sampling import require_rate
 from pipeline.ingest.track import Track
@@ -70,8 +71,10 @@ def read_recording(path: Path, mission: Mission, stream: Stream) -> Recording:
         if video.info.constant:
             where = f"{path} processing.frame_rate"
             require_rate(mission.processing.frame_rate, video.info.frame_rate, where)
-    with faults.collected():
-        track = read_telemetry(stream.telemetry)
+    tracks = []
+    for file in stream.telemetry.files:
+        with faults.collected():
+            tracks.append(read_telemetry(stream.telemetry.model_copy(update={"file": file})))
     with faults.collected():
         camera = load_camera(stream.camera)
     angles = None
@@ -88,6 +91,7 @@ def read_recording(path: Path, mission: Mission, stream: Stream) -> Recording:
             f"{camera.width} x {camera.height}",
             f"the size of {stream.videos[0]}, {size[0]} x {size[1]}",
         )
+    track = joined(tracks, [offset_s for _, offset_s in video.files], stream.telemetry.file)
     alignment = align(
         track, stream.telemetry, video.end_s, created_ns(stream.videos[0]), stream.telemetry.file
     )

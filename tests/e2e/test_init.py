@@ -5,6 +5,8 @@ from __future__ import annotations
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 
 import av
@@ -198,3 +200,30 @@ def test_telemetry_inside_the_videos_is_found(tmp_path: Path) -> None:
     assert [s.telemetry for s in draft.streams] == [folder / "drone-1.mp4", folder / "drone-2.mp4"]
     assert [(s.height, s.gimbal) for s in draft.streams] == [("absolute", False)] * 2
     assert "FILL IN" not in mission_text(draft, folder)
+
+
+def test_a_row_of_recordings_takes_the_subtitles_of_each(tmp_path: Path) -> None:
+    folder = tmp_path / "card"
+    folder.mkdir()
+    rows = demo.true_track("drone-1")
+    for k, name in enumerate(("DJI_0001", "DJI_0002")):
+        began = datetime.fromtimestamp(rows.start_time_ns / 1e9 + 47.0 * k, UTC)
+        with (
+            av.open(str(demo.DEMO / "drone-1.mp4")) as read,
+            av.open(str(folder / f"{name}.mp4"), "w") as written,
+        ):
+            video = read.streams.video[0]
+            stream = written.add_stream_from_template(video)
+            written.metadata["creation_time"] = began.isoformat()
+            for packet in read.demux(video):
+                if packet.dts is not None:
+                    packet.stream = stream
+                    written.mux(packet)
+        later = replace(rows, start_time_ns=rows.start_time_ns + round(47e9 * k))
+        dji_subtitles.write(folder / f"{name}.SRT", later, dji_subtitles.brackets)
+    shutil.copy(demo.DEMO / "terrain.tif", folder)
+    shutil.copy(demo.DEMO / "camera.yaml", folder)
+    draft = draft_of(folder, contents_of(folder))
+    assert [len(s.videos) for s in draft.streams] == [2]
+    assert draft.streams[0].telemetry == (folder / "DJI_0001.SRT", folder / "DJI_0002.SRT")
+    assert "file: [DJI_0001.SRT, DJI_0002.SRT]" in mission_text(draft, folder)
