@@ -22,7 +22,7 @@ _MAX_PIXELS = 16384 * 16384
 #: a clock that goes back by more than pictures change their order in a file begins anew, seconds
 _RESTART_S = 1.0
 #: nor is it a gap of so many seconds: FFmpeg takes a clock that begins anew for one that wrapped after 26 hours
-_LONGEST_GAP_S = 13 * 3600.0
+LONGEST_GAP_S = 13 * 3600.0
 #: a file in which nothing can be read so many times in a row is at its end
 _MAX_FAULTS = 20
 
@@ -91,7 +91,7 @@ def timed_packets(
     """
     last_dts, offset, step, latest = None, 0, 1, 0
     restart, leap = (
-        round(s / stream.time_base) if stream.time_base else 1 for s in (_RESTART_S, _LONGEST_GAP_S)
+        round(s / stream.time_base) if stream.time_base else 1 for s in (_RESTART_S, LONGEST_GAP_S)
     )
     for packet in _readable(container, stream):
         dts = packet.dts if packet.dts is not None else packet.pts

@@ -78,8 +78,10 @@ def probe_video(path: Path) -> VideoFile:
         index = read_index(path, container, stream)
     if not len(index.times_s):
         raise InputError(path, "a video without a picture", EXPECTED)
-    frames = list(_probed(path, index, sought))
-    first = next((frame for frame in frames if frame is not None), None)
+    first, lost = None, 0
+    for frame in _probed(path, index, sought):
+        first = frame if first is None else first
+        lost += frame is None
     if first is None:
         raise InputError(path, "no picture that can be decoded", EXPECTED)
     upright = upright_of(first, aspect)
@@ -88,7 +90,7 @@ def probe_video(path: Path) -> VideoFile:
     duration_s = len(index.times_s) / rate_hz if constant else end_s
     info = VideoInfo(path, *upright.size, rate_hz, len(index.times_s), duration_s, codec)
     findings += _of_pictures(path, first, upright)
-    findings += _of_times(path, index, rate_hz, frames)
+    findings += _of_times(path, index, rate_hz, lost)
     return VideoFile(info, index, upright, constant, tuple(findings))
 
 
@@ -180,15 +182,13 @@ def _of_pictures(path: Path, frame: VideoFrame, upright: Upright) -> list[Findin
     return [Finding("assumed", "picture", str(path), text) for text in found]
 
 
-def _of_times(
-    path: Path, index: PictureIndex, rate_hz: float, frames: list[VideoFrame | None]
-) -> list[Finding]:
+def _of_times(path: Path, index: PictureIndex, rate_hz: float, lost: int) -> list[Finding]:
     findings, promised = [], len(index.times_s)
     if index.whole < promised:
         text = f"{index.whole} whole pictures of {promised} promised; the others are {index.others}"
         findings.append(Finding("warning", index.others, str(path), text, "", "copy the file again"))
-    if None in frames:
-        text = f"no whole picture near {frames.count(None)} of {len(frames)} probed places"
+    if lost:
+        text = f"no whole picture near {lost} of {len(_PROBED)} probed places"
         findings.append(Finding("warning", "damaged", str(path), text, "", "copy the file again"))
     gaps = _gaps(index.times_s, rate_hz)
     if gaps:

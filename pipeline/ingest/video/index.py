@@ -11,7 +11,7 @@ from av.container import InputContainer
 from av.video.stream import VideoStream
 from numpy.typing import NDArray
 
-from pipeline.ingest.video.container import is_counted, opened, timed_packets
+from pipeline.ingest.video.container import LONGEST_GAP_S, is_counted, opened, timed_packets
 from pipeline.messages import FloatArray
 
 
@@ -69,6 +69,11 @@ def _index(
     others: Literal["missing", "damaged"],
 ) -> PictureIndex:
     tick_s = float(stream.time_base or 1)
+    steps_s = np.diff(ticks).astype(np.float64) * tick_s
+    # as timed_packets: no gap, but a clock that begins anew, or damage
+    if (steps_s > LONGEST_GAP_S).any():
+        steps_s[steps_s > LONGEST_GAP_S] = tick_s
+        ticks = ticks[0] + np.concatenate([[0], np.round(np.cumsum(steps_s) / tick_s).astype(np.int64)])
     times_s = (ticks - ticks[0]).astype(np.float64) * tick_s if len(ticks) else np.zeros(0)
     start = first if first is not None else int(ticks[0]) if len(ticks) else 0
     return PictureIndex(times_s, start, tick_s, whole, others)
