@@ -14,7 +14,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from actors.commands import allocate, evaluate, experiment, experiment_allocation, fuse, init, pool
+from actors.commands import allocate, detector, evaluate, experiment, experiment_allocation, fuse, init, pool
 from actors.terminal import progress_bars as _progress
 from actors.terminal import say as _say
 from pipeline.errors import InputError, SearchlightError
@@ -27,6 +27,7 @@ experiment_allocation.register(experiment.app)
 app.add_typer(experiment.app, name="experiment")
 evaluate.register(app)
 pool.register(app)
+detector.register(app)
 
 
 def _print_version(asked: bool) -> None:

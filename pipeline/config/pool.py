@@ -103,7 +103,8 @@ class PoolDetector(Strict):
     name or a description; absent: found out. names: of its classes, in order, where the file does not say
     them; ``coco``, ``coco91``: COCO's. classes: which of them are which layer of the map. input_size: width
     and height, for a network that leaves them free. tiles: how its pictures are cut; accuracy, times and
-    memory are of all tiles of a picture together. precision: of its weights, as stated.
+    memory are of all tiles of a picture together. precision: of its weights, as stated. assumed: what of this
+    row was not measured, in words; repeated wherever the detector is used.
     """
 
     id: str = Field(pattern=r"^[A-Za-z0-9_.-]+$")
@@ -124,6 +125,7 @@ class PoolDetector(Strict):
     input_size: tuple[TileSide, TileSide] | None = None
     tiles: Tiles | None = None
     precision: Literal["float32", "float16", "int8"] | None = None
+    assumed: str | None = None
     sha256: str | None = Field(default=None, pattern=r"^[0-9a-f]{64}$")
 
     def require_model(self, where: object) -> Path:

@@ -1,6 +1,14 @@
 """People in pictures: ONNX Runtime sessions and one adapter per output layout."""
 
-from pipeline.detection.detector import PERSONS, Detector, NotFiniteError, load_detector, open_pool_detector
+from pipeline.detection.detector import (
+    PERSONS,
+    Detector,
+    NotFiniteError,
+    Reading,
+    load_as,
+    load_detector,
+    open_pool_detector,
+)
 from pipeline.detection.recognition import LayoutQuestionError
 
 __all__ = [
@@ -8,6 +16,8 @@ __all__ = [
     "Detector",
     "LayoutQuestionError",
     "NotFiniteError",
+    "Reading",
+    "load_as",
     "load_detector",
     "open_pool_detector",
 ]

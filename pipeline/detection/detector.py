@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -184,6 +185,32 @@ def _suppressed(
             same[non_maximum_suppression(boxes[same], scores[same], 1.0 if nms_iou is None else nms_iou)]
         )
     return np.concatenate(parts)
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How a model is read, as a row of the pool says it; see PoolDetector."""
+
+    layout: str | Layout | None = None
+    names: tuple[str, ...] | Literal["coco", "coco91"] | None = None
+    classes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    input_size: tuple[int, int] | None = None
+    tiling: Tiling | None = None
+
+
+def load_as(path: Path, reading: Reading, *, score_threshold: float, threads: int, provider: str) -> Detector:
+    """load_detector, reading a model as is said. Raises as that does."""
+    return load_detector(
+        path,
+        score_threshold=score_threshold,
+        threads=threads,
+        provider=provider,
+        layout=reading.layout,
+        names=reading.names,
+        classes=reading.classes,
+        input_size=reading.input_size,
+        tiling=reading.tiling,
+    )
 
 
 def load_detector(

@@ -9,10 +9,13 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.detection.resize_kernel import halve, resample
+from pipeline.detection.resize_kernel import ONE, resample
 from pipeline.messages import FloatArray
 
 Filter = Literal["area", "linear", "triangle"]
+#: input pixels per axis for an output pixel; a filter that is wider is sampled at so many places, evenly. More
+#: cost time in proportion and change no network's accuracy (tests/benchmarks/bench_detection.py)
+MOST_TAPS = 3
 
 
 def resize(image: NDArray[np.uint8], width: int, height: int, method: Filter = "area") -> NDArray[np.uint8]:
@@ -20,29 +23,50 @@ def resize(image: NDArray[np.uint8], width: int, height: int, method: Filter = "
 
     area: the mean over each output pixel, linear when growing. linear: between the nearest pixel centres, so
     aliased when shrinking (OpenCV's). triangle: linear, but as wide as the scale when shrinking (Pillow's).
+    Right to about one grey value; where more than MOST_TAPS pixels would be averaged, some stand for all.
     """
     if image.shape[:2] == (height, width):
         return image
-    image = np.ascontiguousarray(image)
     out = np.empty((height, width, 3), np.uint8)
-    if method == "area" and image.shape[:2] == (2 * height, 2 * width):
-        halve(image, out)
-    else:
-        rows, row_weights = _weights(image.shape[0], height, method)
-        columns, column_weights = _weights(image.shape[1], width, method)
-        resample(image, out, rows, row_weights, columns, column_weights)
+    rows, row_weights = _taps(image.shape[0], height, method)
+    resample(np.ascontiguousarray(image), out, rows, row_weights, *_columns(image.shape[1], width, method))
     return out
 
 
 @lru_cache(maxsize=64)
-def _weights(size_in: int, size_out: int, method: Filter) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
-    """For each output pixel of an axis: its first input pixel (n,), and the weights (n, taps) from there."""
+def _columns(size_in: int, size_out: int, method: Filter) -> tuple[NDArray[np.uintp], NDArray[np.uint32]]:
+    """As _taps, places times three, two or three of them."""
+    places, weights = _taps(size_in, size_out, method)
+    lacking = (2 if places.shape[1] <= 2 else 3) - places.shape[1]
+    places = np.concatenate([places, places[:, :1].repeat(lacking, axis=1)], axis=1)
+    weights = np.concatenate([weights, np.zeros((len(weights), lacking), np.uint16)], axis=1)
+    return np.ascontiguousarray(places * np.uintp(3)), np.ascontiguousarray(weights, np.uint32)
+
+
+@lru_cache(maxsize=64)
+def _taps(size_in: int, size_out: int, method: Filter) -> tuple[NDArray[np.uintp], NDArray[np.uint16]]:
+    """For each output pixel of an axis: input pixels (n, taps), and their weights (n, taps), in 1 / ONE."""
     dense = _FILTERS[method](size_in, size_out)
     used = dense > 1e-9
-    taps = int(used.sum(axis=1).max())
-    first = np.minimum(used.argmax(axis=1), size_in - taps)
-    weights = np.take_along_axis(dense, first[:, None] + np.arange(taps), axis=1)
-    return first, (weights / weights.sum(axis=1, keepdims=True)).astype(np.float32)
+    count, first = used.sum(axis=1), used.argmax(axis=1)
+    taps = min(int(count.max()), MOST_TAPS)
+    # places in the span of each output pixel: all of it, or evenly spread ones
+    spread = (np.arange(taps) + 0.5) / taps * count[:, None]
+    every = np.arange(taps)[None] + 0.0
+    places = first[:, None] + np.where(count[:, None] <= taps, every, np.floor(spread)).astype(np.int64)
+    places = np.minimum(places, size_in - 1)
+    weights = np.take_along_axis(dense, places, axis=1)
+    weights = np.where((count[:, None] <= taps) & (np.arange(taps) >= count[:, None]), 0.0, weights)
+    return places.astype(np.uintp), _whole(weights / weights.sum(axis=1, keepdims=True))
+
+
+def _whole(weights: FloatArray) -> NDArray[np.uint16]:
+    """Weights (n, taps) in 1 / ONE that sum to it: what rounding lacks goes to those that it cut most."""
+    exact = weights * ONE
+    whole = np.floor(exact)
+    lacking = (ONE - whole.sum(axis=1)).astype(int)
+    order = np.argsort(np.argsort(-(exact - whole), axis=1, kind="stable"), axis=1)
+    return (whole + (order < lacking[:, None])).astype(np.uint16)
 
 
 def _area(size_in: int, size_out: int) -> FloatArray:

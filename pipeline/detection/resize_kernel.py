@@ -1,4 +1,7 @@
-"""Numba kernels of the resize: every output pixel is a weighted sum of a few input pixels per axis."""
+"""Numba kernel of the resize: every output pixel is a weighted sum of a few input pixels per axis.
+
+Whole numbers: the weights of an axis sum to 256, so that a row's sum fits 16 bits and is vectorised.
+"""
 
 from __future__ import annotations
 
@@ -6,55 +9,82 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+#: what the weights of one output pixel sum to, along each axis
+ONE = 256
+
 
 @numba.njit(cache=True)
-def halve(image: NDArray[np.uint8], out: NDArray[np.uint8]) -> None:
-    """out (H, W, 3) = the rounded mean of the 2 x 2 blocks of image (2H, 2W, 3)."""
-    height, width = out.shape[0], out.shape[1]
-    for y in range(height):
-        upper, lower = image[2 * y], image[2 * y + 1]
-        for x in range(width):
-            for c in range(3):
-                total = (
-                    np.int32(upper[2 * x, c])
-                    + np.int32(upper[2 * x + 1, c])
-                    + np.int32(lower[2 * x, c])
-                    + np.int32(lower[2 * x + 1, c])
-                )
-                out[y, x, c] = np.uint8((total + 2) >> 2)
-
-
-@numba.njit(cache=True, fastmath=True)
 def resample(
     image: NDArray[np.uint8],
     out: NDArray[np.uint8],
-    rows: NDArray[np.int64],
-    row_weights: NDArray[np.float32],
-    columns: NDArray[np.int64],
-    column_weights: NDArray[np.float32],
+    rows: NDArray[np.uintp],
+    row_weights: NDArray[np.uint16],
+    columns: NDArray[np.uintp],
+    column_weights: NDArray[np.uint32],
 ) -> None:
-    """out[y, x] = sum over i, j of row_weights[y, i] column_weights[x, j] image[rows[y] + i, columns[x] + j].
+    """out[y, x] = sum over i, j of row_weights[y, i] column_weights[x, j] image[rows[y, i], columns[x, j]].
 
-    The first axis is summed along whole rows, which vectorises.
+    image (H, W, 3), out (h, w, 3), rows (h, m), columns (w, 2 or 3) times three; weights of the same shapes, in
+    1 / ONE. The first axis is summed along whole rows. Unsigned indices spare a branch each.
     """
-    width = image.shape[1]
-    flat = image.reshape(image.shape[0], width * 3)
-    line = np.empty(width * 3, np.float32)
+    width = image.shape[1] * 3
+    flat = image.reshape(image.shape[0], width)
+    line = np.empty(width, np.uint16)
+    two = columns.shape[1] == 2
     for y in range(out.shape[0]):
-        line[:] = row_weights[y, 0] * flat[rows[y]]
-        for i in range(1, row_weights.shape[1]):
-            weight = row_weights[y, i]
-            if weight > 0.0:
-                source = flat[rows[y] + i]
-                for k in range(width * 3):
-                    line[k] += weight * np.float32(source[k])
-        for x in range(out.shape[1]):
-            red = green = blue = np.float32(0.5)
-            for j in range(column_weights.shape[1]):
-                weight = column_weights[x, j]
-                if weight > 0.0:
-                    k = 3 * (columns[x] + j)
-                    red += weight * line[k]
-                    green += weight * line[k + 1]
-                    blue += weight * line[k + 2]
-            out[y, x, 0], out[y, x, 1], out[y, x, 2] = np.uint8(red), np.uint8(green), np.uint8(blue)
+        sum_rows(flat, rows[y], row_weights[y], line)
+        if two:
+            mix_two(line, out[y], columns, column_weights)
+        else:
+            mix_three(line, out[y], columns, column_weights)
+
+
+@numba.njit(cache=True, inline="always")
+def mix_two(
+    line: NDArray[np.uint16],
+    out: NDArray[np.uint8],
+    columns: NDArray[np.uintp],
+    weights: NDArray[np.uint32],
+) -> None:
+    """out (w, 3): of each pixel two places of the line."""
+    half = np.uint32(ONE * ONE // 2)
+    for x in range(out.shape[0]):
+        a, b = columns[x, 0], columns[x, 1]
+        p, q = weights[x, 0], weights[x, 1]
+        for c in range(3):
+            k = np.uintp(c)
+            out[x, c] = np.uint8(np.uint32(p * line[a + k] + q * line[b + k] + half) >> np.uint32(16))
+
+
+@numba.njit(cache=True, inline="always")
+def mix_three(
+    line: NDArray[np.uint16],
+    out: NDArray[np.uint8],
+    columns: NDArray[np.uintp],
+    weights: NDArray[np.uint32],
+) -> None:
+    """out (w, 3): of each pixel three places of the line."""
+    half = np.uint32(ONE * ONE // 2)
+    for x in range(out.shape[0]):
+        a, b, d = columns[x, 0], columns[x, 1], columns[x, 2]
+        p, q, r = weights[x, 0], weights[x, 1], weights[x, 2]
+        for c in range(3):
+            k = np.uintp(c)
+            total = p * line[a + k] + q * line[b + k] + r * line[d + k] + half
+            out[x, c] = np.uint8(np.uint32(total) >> np.uint32(16))
+
+
+@numba.njit(cache=True, inline="always")
+def sum_rows(
+    flat: NDArray[np.uint8], rows: NDArray[np.uintp], weights: NDArray[np.uint16], line: NDArray[np.uint16]
+) -> None:
+    """line (W,) = sum over i of weights[i] flat[rows[i]]; two rows at a time."""
+    first, second = flat[rows[0]], flat[rows[min(1, len(rows) - 1)]]
+    a, b = weights[0], weights[1] if len(rows) > 1 else np.uint16(0)
+    for k in range(len(line)):
+        line[k] = np.uint16(a * first[k] + b * second[k])
+    for i in range(2, len(rows), 2):
+        first, second = flat[rows[i]], flat[rows[min(i + 1, len(rows) - 1)]]
+        a, b = weights[i], weights[i + 1] if i + 1 < len(rows) else np.uint16(0)
+        for k in range(len(line)):
+            line[k] = np.uint16(line[k] + a * first[k] + b * second[k])

@@ -47,6 +47,8 @@ def look_at_detectors(pool: Pool, layers: Mapping[str, int], where: Path) -> Poo
         known[detector.id] = frozenset(name for name, number in layers.items() if number in opened.class_ids)
         findings += _assumed(detector.id, opened)
         sizes.append(opened.picture_size)
+        if detector.assumed is not None:
+            findings.append(Finding("assumed", "detector_row", f"detector {detector.id}", detector.assumed))
     if known:
         require_layers(layers, known, where, f"detector of the pool ({', '.join(known)})")
     return PoolLook(tuple(findings), known, tuple(sizes))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -82,6 +83,7 @@ def sigmoid(x: FloatArray) -> FloatArray:
         return 1.0 / (1.0 + np.exp(-x))
 
 
+@lru_cache(maxsize=32)
 def grid(width: int, height: int, strides: tuple[int, ...]) -> tuple[FloatArray, FloatArray]:
     """Of all cells of the strides, row by row: column and row (N, 2), and stride (N, 1)."""
     cells, sizes = [], []
@@ -89,4 +91,7 @@ def grid(width: int, height: int, strides: tuple[int, ...]) -> tuple[FloatArray,
         y, x = np.mgrid[: -(-height // stride), : -(-width // stride)]
         cells.append(np.stack([x.ravel(), y.ravel()], axis=1).astype(float))
         sizes.append(np.full((x.size, 1), float(stride)))
-    return np.concatenate(cells), np.concatenate(sizes)
+    found = np.concatenate(cells), np.concatenate(sizes)
+    for array in found:
+        array.setflags(write=False)
+    return found

@@ -22,7 +22,11 @@ def decode_distances(
         both = outputs[layout.tensor]
         classes, spread = both[:, :-wide].T, both[:, -wide:]
     else:
-        classes = np.concatenate([outputs[name].T for name in layout.scores], axis=1)
+        some: slice | list[int] = slice(None)
+        if groups is not None:  # the other classes need not be copied
+            some = sorted({member for group in groups for member in group})
+            groups = tuple(tuple(some.index(member) for member in group) for group in groups)
+        classes = np.concatenate([outputs[name][:, some].T for name in layout.scores], axis=1)
         spread = np.concatenate([outputs[name] for name in layout.distances])
     cells, stride = grid(*size, layout.strides)
 

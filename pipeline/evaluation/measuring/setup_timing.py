@@ -17,13 +17,14 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 
 from pipeline.config.evaluation import Setup
-from pipeline.detection import Detector, load_detector
+from pipeline.detection import Detector, Reading, load_as
 from pipeline.detection.resize import resize
 from pipeline.errors import InputError, RunFailedError
 from pipeline.messages import FloatArray
 
 Pictures = list[NDArray[np.uint8]]
 _START_TIMEOUT_S = 120.0
+AS_FOUND = Reading()
 
 
 class SetupTiming(BaseModel):
@@ -61,9 +62,10 @@ def time_setup(
     sharing: tuple[int, ...],
     score_cutoff: float,
     progress: Callable[[str], None],
+    reading: Reading = AS_FOUND,
 ) -> SetupTiming:
     """Measure one detector in one setup on this machine. images: (H, W, 3) each, gone through in turn."""
-    job = (model, setup, images, pictures, warm_up, score_cutoff)
+    job = (model, setup, images, pictures, warm_up, score_cutoff, reading)
     progress("memory")
     memory = _apart(_peak_memory, *job)
     progress("alone")
@@ -96,17 +98,27 @@ def _apart(function: Callable[..., Any], *arguments: Any) -> Any:
 
 
 def _peak_memory(
-    model: Path, setup: Setup, images: Pictures, pictures: int, warm_up: int, score_cutoff: float
+    model: Path,
+    setup: Setup,
+    images: Pictures,
+    pictures: int,
+    warm_up: int,
+    score_cutoff: float,
+    reading: Reading,
 ) -> int:
     """Bytes by which this fresh process grows at most when it opens the model and looks at pictures."""
     resize(images[0], 64, 64)  # the resize kernel is everybody's, not the detector's
     before = _status_bytes("VmRSS")
-    detector = load_detector(
-        model, score_threshold=score_cutoff, threads=setup.threads, provider=setup.provider
-    )
+    detector = _opened(model, setup, score_cutoff, reading)
     for k in range(warm_up):
         detector.detect(images[k % len(images)])
     return _status_bytes("VmHWM") - before
+
+
+def _opened(model: Path, setup: Setup, score_cutoff: float, reading: Reading) -> Detector:
+    return load_as(
+        model, reading, score_threshold=score_cutoff, threads=setup.threads, provider=setup.provider
+    )
 
 
 def _status_bytes(name: str) -> int:
@@ -120,12 +132,16 @@ def _status_bytes(name: str) -> int:
 
 
 def _times(
-    model: Path, setup: Setup, images: Pictures, pictures: int, warm_up: int, score_cutoff: float
+    model: Path,
+    setup: Setup,
+    images: Pictures,
+    pictures: int,
+    warm_up: int,
+    score_cutoff: float,
+    reading: Reading,
 ) -> tuple[FloatArray, float | None]:
     """Seconds for each picture, and the share of the wall time without work, if one thread does it all."""
-    detector = load_detector(
-        model, score_threshold=score_cutoff, threads=setup.threads, provider=setup.provider
-    )
+    detector = _opened(model, setup, score_cutoff, reading)
     clock = time.thread_time if setup.clock == "processor" else time.perf_counter
     for k in range(warm_up):
         detector.detect(images[k % len(images)])
@@ -165,13 +181,17 @@ def _join_copies(barrier: Any, measured: Any) -> None:
 
 
 def _copy(
-    model: Path, setup: Setup, images: Pictures, pictures: int, warm_up: int, score_cutoff: float
+    model: Path,
+    setup: Setup,
+    images: Pictures,
+    pictures: int,
+    warm_up: int,
+    score_cutoff: float,
+    reading: Reading,
 ) -> FloatArray:
     barrier, measured = _together["barrier"], _together["measured"]
     try:
-        detector = load_detector(
-            model, score_threshold=score_cutoff, threads=setup.threads, provider=setup.provider
-        )
+        detector = _opened(model, setup, score_cutoff, reading)
         for k in range(warm_up):
             detector.detect(images[k % len(images)])
         barrier.wait(_START_TIMEOUT_S)

@@ -41,6 +41,8 @@ def shown(pool: Pool) -> list[tuple[str, ...]]:
                 two,
             )
         )
+        if d.assumed is not None:
+            rows.append((f"  {d.id}", f"assumed: {d.assumed}", "", "", "", "", ""))
     return rows
 
 

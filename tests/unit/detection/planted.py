@@ -324,7 +324,7 @@ def yolo_fastestv2(n: Net) -> None:
         )
 
 
-def pairs(n: Net) -> None:
+def damo(n: Net) -> None:
     n.give(n.class_scores(n.score()), "a", [1, None, n.classes])
     n.give(n.const(n.boxes("xyxy")[None]), "b", [1, None, 4])
 
