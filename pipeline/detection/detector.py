@@ -167,6 +167,8 @@ class Detector:
         """Of candidates in a picture those that detect reports."""
         likely = scores >= self.score_threshold
         boxes, scores, classes = boxes[likely], scores[likely], classes[likely]
+        if not len(scores):
+            return boxes, scores, classes
         kept = _suppressed(boxes, scores, classes, self._ids, self.layout.nms_iou)
         height, width = image.shape[:2]
         inside = np.clip(boxes[kept], 0.0, [width, height, width, height])

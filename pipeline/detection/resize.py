@@ -13,9 +13,11 @@ from pipeline.detection.resize_kernel import ONE, resample
 from pipeline.messages import FloatArray
 
 Filter = Literal["area", "linear", "triangle"]
-#: input pixels per axis for an output pixel; a filter that is wider is sampled at so many places, evenly. More
-#: cost time in proportion and change no network's accuracy (tests/benchmarks/bench_detection.py)
-MOST_TAPS = 3
+#: input pixels for an output pixel, down and across; of a filter that is wider some stand for all. Rows are
+#: summed in vectors and cost little
+MOST_ROWS, MOST_COLUMNS = 8, 8
+#: weighted pixels of a whole picture; a large output pixel by pixel gets fewer, but four
+_MOST_IN_ALL = 900_000
 
 
 def resize(image: NDArray[np.uint8], width: int, height: int, method: Filter = "area") -> NDArray[np.uint8]:
@@ -23,40 +25,48 @@ def resize(image: NDArray[np.uint8], width: int, height: int, method: Filter = "
 
     area: the mean over each output pixel, linear when growing. linear: between the nearest pixel centres, so
     aliased when shrinking (OpenCV's). triangle: linear, but as wide as the scale when shrinking (Pillow's).
-    Right to about one grey value; where more than MOST_TAPS pixels would be averaged, some stand for all.
+    Right to about one grey value; where more than some pixels would be averaged, evenly spread ones stand for all.
     """
     if image.shape[:2] == (height, width):
         return image
     out = np.empty((height, width, 3), np.uint8)
-    rows, row_weights = _taps(image.shape[0], height, method)
-    resample(np.ascontiguousarray(image), out, rows, row_weights, *_columns(image.shape[1], width, method))
+    most = int(np.clip(_MOST_IN_ALL // (width * height), 4, MOST_COLUMNS))
+    rows, row_weights = _taps(image.shape[0], height, method, MOST_ROWS)
+    resample(
+        np.ascontiguousarray(image), out, rows, row_weights, *_columns(image.shape[1], width, method, most)
+    )
     return out
 
 
 @lru_cache(maxsize=64)
-def _columns(size_in: int, size_out: int, method: Filter) -> tuple[NDArray[np.uintp], NDArray[np.uint32]]:
-    """As _taps, places times three, two or three of them."""
-    places, weights = _taps(size_in, size_out, method)
-    lacking = (2 if places.shape[1] <= 2 else 3) - places.shape[1]
+def _columns(
+    size_in: int, size_out: int, method: Filter, most: int
+) -> tuple[NDArray[np.uintp], NDArray[np.uint32]]:
+    """As _taps, places times three; two, four, six or eight of them."""
+    places, weights = _taps(size_in, size_out, method, most)
+    lacking = places.shape[1] % 2
     places = np.concatenate([places, places[:, :1].repeat(lacking, axis=1)], axis=1)
     weights = np.concatenate([weights, np.zeros((len(weights), lacking), np.uint16)], axis=1)
     return np.ascontiguousarray(places * np.uintp(3)), np.ascontiguousarray(weights, np.uint32)
 
 
 @lru_cache(maxsize=64)
-def _taps(size_in: int, size_out: int, method: Filter) -> tuple[NDArray[np.uintp], NDArray[np.uint16]]:
-    """For each output pixel of an axis: input pixels (n, taps), and their weights (n, taps), in 1 / ONE."""
+def _taps(
+    size_in: int, size_out: int, method: Filter, most: int
+) -> tuple[NDArray[np.uintp], NDArray[np.uint16]]:
+    """For each output pixel of an axis: input pixels (n, taps), and their weights (n, taps), in 1 / ONE.
+
+    Where five would count, the lightest is left out; where more than the most, evenly spread ones stay.
+    """
     dense = _FILTERS[method](size_in, size_out)
     used = dense > 1e-9
-    count, first = used.sum(axis=1), used.argmax(axis=1)
-    taps = min(int(count.max()), MOST_TAPS)
-    # places in the span of each output pixel: all of it, or evenly spread ones
-    spread = (np.arange(taps) + 0.5) / taps * count[:, None]
-    every = np.arange(taps)[None] + 0.0
-    places = first[:, None] + np.where(count[:, None] <= taps, every, np.floor(spread)).astype(np.int64)
-    places = np.minimum(places, size_in - 1)
+    count = used.sum(axis=1)
+    widest = int(count.max())
+    taps = 4 if widest == 5 else min(widest, most)
+    heaviest = np.sort(np.argsort(-dense, axis=1, kind="stable")[:, :taps], axis=1)
+    spread = used.argmax(axis=1)[:, None] + np.floor((np.arange(taps) + 0.5) / taps * count[:, None])
+    places = np.where((count <= taps + 1)[:, None], heaviest, spread.astype(np.int64))
     weights = np.take_along_axis(dense, places, axis=1)
-    weights = np.where((count[:, None] <= taps) & (np.arange(taps) >= count[:, None]), 0.0, weights)
     return places.astype(np.uintp), _whole(weights / weights.sum(axis=1, keepdims=True))
 
 

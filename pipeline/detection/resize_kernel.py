@@ -24,19 +24,21 @@ def resample(
 ) -> None:
     """out[y, x] = sum over i, j of row_weights[y, i] column_weights[x, j] image[rows[y, i], columns[x, j]].
 
-    image (H, W, 3), out (h, w, 3), rows (h, m), columns (w, 2 or 3) times three; weights of the same shapes, in
+    image (H, W, 3), out (h, w, 3), rows (h, m), columns (w, 2, 4, 6 ..) times three; weights of the same shapes, in
     1 / ONE. The first axis is summed along whole rows. Unsigned indices spare a branch each.
     """
     width = image.shape[1] * 3
     flat = image.reshape(image.shape[0], width)
     line = np.empty(width, np.uint16)
-    two = columns.shape[1] == 2
+    taps = columns.shape[1]
     for y in range(out.shape[0]):
         sum_rows(flat, rows[y], row_weights[y], line)
-        if two:
+        if taps == 2:
             mix_two(line, out[y], columns, column_weights)
+        elif taps == 4:
+            mix_four(line, out[y], columns, column_weights)
         else:
-            mix_three(line, out[y], columns, column_weights)
+            mix_pairs(line, out[y], columns, column_weights)
 
 
 @numba.njit(cache=True, inline="always")
@@ -57,21 +59,41 @@ def mix_two(
 
 
 @numba.njit(cache=True, inline="always")
-def mix_three(
+def mix_four(
     line: NDArray[np.uint16],
     out: NDArray[np.uint8],
     columns: NDArray[np.uintp],
     weights: NDArray[np.uint32],
 ) -> None:
-    """out (w, 3): of each pixel three places of the line."""
+    """out (w, 3): of each pixel four places of the line."""
     half = np.uint32(ONE * ONE // 2)
     for x in range(out.shape[0]):
-        a, b, d = columns[x, 0], columns[x, 1], columns[x, 2]
-        p, q, r = weights[x, 0], weights[x, 1], weights[x, 2]
+        a, b, d, e = columns[x, 0], columns[x, 1], columns[x, 2], columns[x, 3]
+        p, q, r, s = weights[x, 0], weights[x, 1], weights[x, 2], weights[x, 3]
         for c in range(3):
             k = np.uintp(c)
-            total = p * line[a + k] + q * line[b + k] + r * line[d + k] + half
+            total = p * line[a + k] + q * line[b + k] + r * line[d + k] + s * line[e + k] + half
             out[x, c] = np.uint8(np.uint32(total) >> np.uint32(16))
+
+
+@numba.njit(cache=True, inline="always")
+def mix_pairs(
+    line: NDArray[np.uint16],
+    out: NDArray[np.uint8],
+    columns: NDArray[np.uintp],
+    weights: NDArray[np.uint32],
+) -> None:
+    """out (w, 3): of each pixel an even number of places of the line."""
+    one, two = np.uintp(1), np.uintp(2)
+    for x in range(out.shape[0]):
+        red = green = blue = np.uint32(ONE * ONE // 2)
+        for j in range(0, columns.shape[1], 2):
+            a, b = columns[x, j], columns[x, j + 1]
+            p, q = weights[x, j], weights[x, j + 1]
+            red = np.uint32(red + p * line[a] + q * line[b])
+            green = np.uint32(green + p * line[a + one] + q * line[b + one])
+            blue = np.uint32(blue + p * line[a + two] + q * line[b + two])
+        out[x, 0], out[x, 1], out[x, 2] = np.uint8(red >> 16), np.uint8(green >> 16), np.uint8(blue >> 16)
 
 
 @numba.njit(cache=True, inline="always")

@@ -48,6 +48,8 @@ def of_dense(
         likely = np.flatnonzero(~(scores < least))
         parts.append((likely, scores[likely], np.full(likely.size, number)))
     place, scores, group_of = (np.concatenate(part) for part in zip(*parts, strict=True))
+    if not place.size:
+        return Candidates(np.zeros((0, 4)), scores, group_of, place)
     return Candidates(boxes_of(place), scores, group_of, place)
 
 

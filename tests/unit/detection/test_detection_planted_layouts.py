@@ -212,3 +212,36 @@ def test_one_box_overlapping_another_class_stays(tmp_path):
         path, layers={"person": 0, "boat": 7}, classes={"person": ["person"], "boat": ["person"]}
     )
     assert detector.detect(spot(net)[0])[2].tolist() == [0, 7]
+
+
+def test_a_user_s_package_can_add_a_layout(tmp_path, monkeypatch):
+    """It comes as an entry point, and is asked beside the built-in ones."""
+    from types import SimpleNamespace
+
+    from pipeline.config.layout import Rows
+    from pipeline.detection import layouts
+    from pipeline.detection.layouts.proposal import Proposal, picture_input
+
+    def propose(facts):
+        (output,) = facts.outputs
+        if output.shape != (384, 8):
+            return []
+        layout = Layout(
+            input=picture_input(facts, colour="bgr", placement="stretched"),
+            output=Rows(tensor=output.name, box="xyxy", objectness=True),
+            nms_iou=0.5,
+        )
+        return [Proposal("mine", layout, ("it is mine",), 3)]
+
+    net = Net(bgr=True, strides=(8,))
+    planted._objectness(net, net.boxes("xyxy"))
+    path = net.save(tmp_path / "mine.onnx")
+    with pytest.raises(LayoutQuestionError):
+        opened(path)
+    mine = SimpleNamespace(load=lambda: SimpleNamespace(name="mine", propose=propose))
+    asked = []
+    monkeypatch.setattr(layouts, "entry_points", lambda group: asked.append(group) or [mine])
+    detector = opened(path)
+    assert asked[0] == "searchlight.detector_layouts"
+    assert detector.recognised.name == "mine"
+    sees_the_person(detector, net)
