@@ -9,15 +9,15 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.detection.resize_kernel import ONE, resample
+from pipeline.detection.resize_kernel import ONE_ACROSS, ONE_DOWN, resample
 from pipeline.messages import FloatArray
 
 Filter = Literal["area", "linear", "triangle"]
 #: input pixels for an output pixel, down and across; of a filter that is wider some stand for all. Rows are
 #: summed in vectors and cost little
-MOST_ROWS, MOST_COLUMNS = 8, 8
+MOST_ROWS, MOST_COLUMNS = 6, 6
 #: weighted pixels of a whole picture; a large output pixel by pixel gets fewer, but four
-_MOST_IN_ALL = 900_000
+_MOST_IN_ALL = 400_000
 
 
 def resize(image: NDArray[np.uint8], width: int, height: int, method: Filter = "area") -> NDArray[np.uint8]:
@@ -31,7 +31,7 @@ def resize(image: NDArray[np.uint8], width: int, height: int, method: Filter = "
         return image
     out = np.empty((height, width, 3), np.uint8)
     most = int(np.clip(_MOST_IN_ALL // (width * height), 4, MOST_COLUMNS))
-    rows, row_weights = _taps(image.shape[0], height, method, MOST_ROWS)
+    rows, row_weights = _rows(image.shape[0], height, method)
     resample(
         np.ascontiguousarray(image), out, rows, row_weights, *_columns(image.shape[1], width, method, most)
     )
@@ -39,22 +39,28 @@ def resize(image: NDArray[np.uint8], width: int, height: int, method: Filter = "
 
 
 @lru_cache(maxsize=64)
-def _columns(
-    size_in: int, size_out: int, method: Filter, most: int
-) -> tuple[NDArray[np.uintp], NDArray[np.uint32]]:
-    """As _taps, places times three; two, four, six or eight of them."""
-    places, weights = _taps(size_in, size_out, method, most)
-    lacking = places.shape[1] % 2
-    places = np.concatenate([places, places[:, :1].repeat(lacking, axis=1)], axis=1)
-    weights = np.concatenate([weights, np.zeros((len(weights), lacking), np.uint16)], axis=1)
-    return np.ascontiguousarray(places * np.uintp(3)), np.ascontiguousarray(weights, np.uint32)
+def _rows(size_in: int, size_out: int, method: Filter) -> tuple[NDArray[np.uintp], NDArray[np.uint16]]:
+    """As _taps, weights in 1 / ONE_DOWN."""
+    places, weights = _taps(size_in, size_out, method, MOST_ROWS)
+    return places, _whole(weights, ONE_DOWN).astype(np.uint16)
 
 
 @lru_cache(maxsize=64)
-def _taps(
+def _columns(
     size_in: int, size_out: int, method: Filter, most: int
-) -> tuple[NDArray[np.uintp], NDArray[np.uint16]]:
-    """For each output pixel of an axis: input pixels (n, taps), and their weights (n, taps), in 1 / ONE.
+) -> tuple[NDArray[np.uintp], NDArray[np.uint32]]:
+    """As _taps, places times three, weights in 1 / ONE_ACROSS; two, four or six of them."""
+    places, weights = _taps(size_in, size_out, method, most)
+    lacking = next(k for k in (2, 4, 6) if k >= places.shape[1]) - places.shape[1]
+    places = np.concatenate([places, places[:, :1].repeat(lacking, axis=1)], axis=1)
+    weights = np.concatenate([weights, np.zeros((len(weights), lacking))], axis=1)
+    return np.ascontiguousarray(places * np.uintp(3)), np.ascontiguousarray(
+        _whole(weights, ONE_ACROSS), np.uint32
+    )
+
+
+def _taps(size_in: int, size_out: int, method: Filter, most: int) -> tuple[NDArray[np.uintp], FloatArray]:
+    """For each output pixel of an axis: input pixels (n, taps), and their weights (n, taps), which sum to 1.
 
     Where five would count, the lightest is left out; where more than the most, evenly spread ones stay.
     """
@@ -67,16 +73,16 @@ def _taps(
     spread = used.argmax(axis=1)[:, None] + np.floor((np.arange(taps) + 0.5) / taps * count[:, None])
     places = np.where((count <= taps + 1)[:, None], heaviest, spread.astype(np.int64))
     weights = np.take_along_axis(dense, places, axis=1)
-    return places.astype(np.uintp), _whole(weights / weights.sum(axis=1, keepdims=True))
+    return places.astype(np.uintp), weights / weights.sum(axis=1, keepdims=True)
 
 
-def _whole(weights: FloatArray) -> NDArray[np.uint16]:
-    """Weights (n, taps) in 1 / ONE that sum to it: what rounding lacks goes to those that it cut most."""
-    exact = weights * ONE
+def _whole(weights: FloatArray, one: int) -> NDArray[np.int64]:
+    """Weights (n, taps) in 1 / one that sum to it: what rounding lacks goes to those that it cut most."""
+    exact = weights * one
     whole = np.floor(exact)
-    lacking = (ONE - whole.sum(axis=1)).astype(int)
+    lacking = (one - whole.sum(axis=1)).astype(int)
     order = np.argsort(np.argsort(-(exact - whole), axis=1, kind="stable"), axis=1)
-    return (whole + (order < lacking[:, None])).astype(np.uint16)
+    return np.asarray(whole + (order < lacking[:, None]), np.int64)
 
 
 def _area(size_in: int, size_out: int) -> FloatArray:

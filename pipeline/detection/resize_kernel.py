@@ -1,6 +1,7 @@
 """Numba kernel of the resize: every output pixel is a weighted sum of a few input pixels per axis.
 
-Whole numbers: the weights of an axis sum to 256, so that a row's sum fits 16 bits and is vectorised.
+Whole numbers: the weights down sum to 256, so that a row's sum fits 16 bits and is vectorised; those across to
+65,536, so that all fits 32.
 """
 
 from __future__ import annotations
@@ -9,8 +10,9 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-#: what the weights of one output pixel sum to, along each axis
-ONE = 256
+#: what the weights of one output pixel sum to, down and across
+ONE_DOWN, ONE_ACROSS = 256, 65_536
+_HALF, _BITS = ONE_DOWN * ONE_ACROSS // 2, np.uint32(24)
 
 
 @numba.njit(cache=True)
@@ -24,8 +26,8 @@ def resample(
 ) -> None:
     """out[y, x] = sum over i, j of row_weights[y, i] column_weights[x, j] image[rows[y, i], columns[x, j]].
 
-    image (H, W, 3), out (h, w, 3), rows (h, m), columns (w, 2, 4, 6 ..) times three; weights of the same shapes, in
-    1 / ONE. The first axis is summed along whole rows. Unsigned indices spare a branch each.
+    image (H, W, 3), out (h, w, 3), rows (h, m), columns (w, 2, 4 or 6) times three; weights of the same shapes, in
+    1 / ONE_DOWN and 1 / ONE_ACROSS. The first axis is summed along whole rows. Unsigned indices spare a branch each.
     """
     width = image.shape[1] * 3
     flat = image.reshape(image.shape[0], width)
@@ -38,7 +40,7 @@ def resample(
         elif taps == 4:
             mix_four(line, out[y], columns, column_weights)
         else:
-            mix_pairs(line, out[y], columns, column_weights)
+            mix_six(line, out[y], columns, column_weights)
 
 
 @numba.njit(cache=True, inline="always")
@@ -49,13 +51,13 @@ def mix_two(
     weights: NDArray[np.uint32],
 ) -> None:
     """out (w, 3): of each pixel two places of the line."""
-    half = np.uint32(ONE * ONE // 2)
+    half = np.uint32(_HALF)
     for x in range(out.shape[0]):
         a, b = columns[x, 0], columns[x, 1]
         p, q = weights[x, 0], weights[x, 1]
         for c in range(3):
             k = np.uintp(c)
-            out[x, c] = np.uint8(np.uint32(p * line[a + k] + q * line[b + k] + half) >> np.uint32(16))
+            out[x, c] = np.uint8(np.uint32(p * line[a + k] + q * line[b + k] + half) >> _BITS)
 
 
 @numba.njit(cache=True, inline="always")
@@ -66,34 +68,35 @@ def mix_four(
     weights: NDArray[np.uint32],
 ) -> None:
     """out (w, 3): of each pixel four places of the line."""
-    half = np.uint32(ONE * ONE // 2)
+    half = np.uint32(_HALF)
     for x in range(out.shape[0]):
         a, b, d, e = columns[x, 0], columns[x, 1], columns[x, 2], columns[x, 3]
         p, q, r, s = weights[x, 0], weights[x, 1], weights[x, 2], weights[x, 3]
         for c in range(3):
             k = np.uintp(c)
             total = p * line[a + k] + q * line[b + k] + r * line[d + k] + s * line[e + k] + half
-            out[x, c] = np.uint8(np.uint32(total) >> np.uint32(16))
+            out[x, c] = np.uint8(np.uint32(total) >> _BITS)
 
 
 @numba.njit(cache=True, inline="always")
-def mix_pairs(
+def mix_six(
     line: NDArray[np.uint16],
     out: NDArray[np.uint8],
     columns: NDArray[np.uintp],
     weights: NDArray[np.uint32],
 ) -> None:
-    """out (w, 3): of each pixel an even number of places of the line."""
-    one, two = np.uintp(1), np.uintp(2)
+    """out (w, 3): of each pixel six places of the line."""
+    half = np.uint32(_HALF)
     for x in range(out.shape[0]):
-        red = green = blue = np.uint32(ONE * ONE // 2)
-        for j in range(0, columns.shape[1], 2):
-            a, b = columns[x, j], columns[x, j + 1]
-            p, q = weights[x, j], weights[x, j + 1]
-            red = np.uint32(red + p * line[a] + q * line[b])
-            green = np.uint32(green + p * line[a + one] + q * line[b + one])
-            blue = np.uint32(blue + p * line[a + two] + q * line[b + two])
-        out[x, 0], out[x, 1], out[x, 2] = np.uint8(red >> 16), np.uint8(green >> 16), np.uint8(blue >> 16)
+        a, b, d = columns[x, 0], columns[x, 1], columns[x, 2]
+        e, f, g = columns[x, 3], columns[x, 4], columns[x, 5]
+        p, q, r = weights[x, 0], weights[x, 1], weights[x, 2]
+        s, t, u = weights[x, 3], weights[x, 4], weights[x, 5]
+        for c in range(3):
+            k = np.uintp(c)
+            total = p * line[a + k] + q * line[b + k] + r * line[d + k] + half
+            total += s * line[e + k] + t * line[f + k] + u * line[g + k]
+            out[x, c] = np.uint8(np.uint32(total) >> _BITS)
 
 
 @numba.njit(cache=True, inline="always")

@@ -20,18 +20,18 @@ def decode_distances(
     wide = 4 * layout.bins
     if layout.tensor is not None:
         both = outputs[layout.tensor]
-        classes, spread = both[:, :-wide].T, both[:, -wide:]
+        classes, spread = both[:, :-wide].T, [both[:, -wide:]]
     else:
         some: slice | list[int] = slice(None)
         if groups is not None:  # the other classes need not be copied
             some = sorted({member for group in groups for member in group})
             groups = tuple(tuple(some.index(member) for member in group) for group in groups)
         classes = np.concatenate([outputs[name][:, some].T for name in layout.scores], axis=1)
-        spread = np.concatenate([outputs[name] for name in layout.distances])
+        spread = [outputs[name] for name in layout.distances]
     cells, stride = grid(*size, layout.strides)
 
     def boxes_of(place: NDArray[np.int64]) -> FloatArray:
-        bins = spread[place].astype(np.float64).reshape(-1, 4, layout.bins)
+        bins = np.concatenate(spread)[place].astype(np.float64).reshape(-1, 4, layout.bins)
         weights = np.exp(bins - bins.max(axis=2, keepdims=True))
         away = stride[place] * (weights @ np.arange(layout.bins)) / weights.sum(axis=2)
         middle = (cells[place] + layout.centre) * stride[place]
