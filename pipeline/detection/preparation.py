@@ -55,7 +55,8 @@ class Preparation:
 
     def _pictures(self, placed: list[NDArray[np.uint8]]) -> NDArray[Any]:
         if self.dtype == "uint8":
-            stacked = np.stack([_ordered(picture, self.input.colour) for picture in placed])
+            ordered = [_ordered(picture, self.input.colour) for picture in placed]
+            stacked = ordered[0][None] if len(ordered) == 1 else np.stack(ordered)
             planar = stacked.transpose(0, 3, 1, 2) if "chw" in self.input.axes else stacked
         else:
             planar = self._normalised(placed)
