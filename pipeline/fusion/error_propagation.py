@@ -9,6 +9,10 @@ Where the telemetry states how sure a pose is (the kind of fix, RTK, a course ta
 place of the mission's position_bias, height_bias or attitude_bias for this look, be it larger or smaller. Such an
 error is taken to be wholly shared by the looks of its stream: a look that is twice as unsure moves twice as far.
 
+A focal length that is wrong by the share e is one of the shared errors: it spreads or gathers all rays of a
+stream about the optical axis. The ray (x, y, 1) of a camera, x = (u - cx) / fx, changes by -e (x, y, 0), which
+is a small rotation of its direction. (What e does through the lens's distortion is of second order, left out.)
+
 The second kind is also estimated from the scatter of the looks: its variance is multiplied by the variance
 factor chi-square / degrees of freedom of the rays' residuals where that is above 1. So the larger of what was
 predicted and what was observed counts (R. T. Birge, "The calculation of errors by the method of least
@@ -37,13 +41,15 @@ class _Effects:
     """What a unit of each error of each look does to a quantity of k components.
 
     position: (N, k, 3) for metres east, north, up. attitude: (N, k, 3) for radians yaw, pitch, roll.
-    box: (N, k, 3), for the direction of the rays, radians. times_s: (N,). streams: (N,), numbers. stated: (N, 6),
-    standard deviations of east, north, up, yaw, pitch and roll that a look states itself; NaN where it does not.
+    box: (N, k, 3), for the direction of the rays, radians. focal: (N, k, 1), for the standard deviation of the
+    focal length. times_s: (N,). streams: (N,), numbers. stated: (N, 6), standard deviations of east, north, up, yaw,
+    pitch and roll that a look states itself; NaN where it does not.
     """
 
     position: FloatArray
     attitude: FloatArray
     box: FloatArray
+    focal: FloatArray
     times_s: FloatArray
     streams: FloatArray
     stated: FloatArray
@@ -91,10 +97,12 @@ def _effects_on_place(looks: Sequence[Look], fix: Fix) -> _Effects:
     reach_m = np.linalg.norm(sight, axis=1)
     ground = fix.from_ground @ _slide(sight)
     turned = range_m[:, None, None] * fix.from_rays @ _turn(center)
-    turned += reach_m[:, None, None] * ground @ _turn(sight / reach_m[:, None])
+    on_ground = reach_m[:, None, None] * ground @ _turn(sight / reach_m[:, None])
+    focal = turned @ _spread(looks, center) + on_ground @ _spread(looks, sight)
+    turned += on_ground
     axes = np.array([_gimbal_axes(look.enu_from_camera) for look in looks])
     pixel = np.array([look.pixel_rad for look in looks])[:, None, None]
-    return _Effects(fix.from_rays + ground, turned @ axes, turned * pixel, *_when_and_who(looks))
+    return _Effects(fix.from_rays + ground, turned @ axes, turned * pixel, focal, *_when_and_who(looks))
 
 
 def _effects_on_rays(looks: Sequence[Look], body_enu: FloatArray, tangents: FloatArray) -> _Effects:
@@ -105,7 +113,8 @@ def _effects_on_rays(looks: Sequence[Look], body_enu: FloatArray, tangents: Floa
     turned = range_m[:, None, None] * tangents @ _turn(center)
     axes = np.array([_gimbal_axes(look.enu_from_camera) for look in looks])
     pixel = np.array([look.pixel_rad for look in looks])[:, None, None]
-    return _Effects(tangents, turned @ axes, turned * pixel, *_when_and_who(looks))
+    focal = turned @ _spread(looks, center)
+    return _Effects(tangents, turned @ axes, turned * pixel, focal, *_when_and_who(looks))
 
 
 def _when_and_who(looks: Sequence[Look]) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -125,7 +134,8 @@ def _of_biases(effects: _Effects, uncertainty: Uncertainty) -> FloatArray:
     for stream in np.unique(effects.streams):
         mine = effects.streams == stream
         position, attitude = of_position[mine].sum(axis=0), of_attitude[mine].sum(axis=0)
-        total += position * position2 @ position.T + attitude * attitude2 @ attitude.T
+        focal = effects.focal[mine].sum(axis=0)
+        total += position * position2 @ position.T + attitude * attitude2 @ attitude.T + focal @ focal.T
     return total
 
 
@@ -196,7 +206,8 @@ def _joint(effects: _Effects, uncertainty: Uncertainty) -> FloatArray:
     of_position, of_attitude, position2, attitude2 = _of_unit_bias(effects, uncertainty)
     position = np.einsum("nik,mjk,k->nimj", of_position, of_position, position2)
     attitude = np.einsum("nik,mjk,k->nimj", of_attitude, of_attitude, attitude2)
-    total = same[:, None, :, None] * (position + attitude)
+    focal = np.einsum("nik,mjk->nimj", effects.focal, effects.focal)
+    total = same[:, None, :, None] * (position + attitude + focal)
     position = np.einsum("nik,mjk->nimj", effects.position, effects.position) * uncertainty.position_noise**2
     attitude = np.einsum("nik,mjk->nimj", effects.attitude, effects.attitude) * uncertainty.attitude_noise**2
     total = total + wander[:, None, :, None] * (position + attitude)
@@ -219,6 +230,16 @@ def _turn(rays: FloatArray) -> FloatArray:
     zero = np.zeros(len(rays))
     x, y, z = rays.T
     return np.stack([zero, z, -y, -z, zero, x, y, -x, zero], axis=1).reshape(-1, 3, 3)
+
+
+def _spread(looks: Sequence[Look], rays: FloatArray) -> FloatArray:
+    """Rotation vectors (N, 3, 1), radians, of rays (N, 3) for one standard deviation of the focal length."""
+    forward = np.array([look.enu_from_camera[:, 2] for look in looks])
+    sd = np.array([look.focal_sd for look in looks])[:, None]
+    units = rays / np.linalg.norm(rays, axis=1)[:, None]
+    along = np.einsum("ni,ni->n", units, forward)[:, None]
+    # what is across the axis shrinks by its share; the rotation is the ray times (vector product) that change
+    return np.asarray(sd * np.cross(units, along * forward - units))[:, :, None]
 
 
 def _slide(sight: FloatArray) -> FloatArray:

@@ -25,13 +25,13 @@ from numpy.typing import NDArray
 from pipeline.config.mission import Fusion
 from pipeline.errors import InputError
 from pipeline.fusion.look import Look
+from pipeline.fusion.optics import Optics, OpticsByFocalLength
 from pipeline.fusion.result_faults import box_fault, is_cut, pose_fault, shape_fault
 from pipeline.fusion.visibility import Visibility
 from pipeline.fusion.voxel_map import VoxelMap, log_odds
 from pipeline.geo.camera import Camera
 from pipeline.geo.terrain import Terrain
 from pipeline.messages import Detections, FloatArray
-from pipeline.sensor.model import SensorModel
 
 _NO_BOXES = np.zeros((0, 4))
 
@@ -73,17 +73,7 @@ class Fuser:
         self._visibility = Visibility(terrain, owned)
         self._terrain = terrain
         self._cameras, self._p_detector = dict(cameras), dict(relative_accuracy)
-        self._pixel_rad = {stream: 1.0 / math.sqrt(c.fx * c.fy) for stream, c in cameras.items()}
-        self._models = {
-            (stream, c.name): SensorModel(camera, params, c)
-            for stream, camera in cameras.items()
-            for c in params.classes
-        }
-        #: what a camera sees of any class, metres
-        self._reach_m = {
-            stream: max(self._models[stream, c.name].max_distance_m for c in params.classes)
-            for stream in cameras
-        }
+        self._optics = {stream: OpticsByFocalLength(camera, params) for stream, camera in cameras.items()}
 
     def apply(self, detections: Detections) -> None:
         """Apply one frame's result: first what it raises, then what it lowers.
@@ -106,6 +96,9 @@ class Fuser:
             self._observe(voxel_map, name, detections, boxes_px, (raised, distances_m))
         self._keep(looks)
 
+    def _optics_of(self, detections: Detections) -> Optics:
+        return self._optics[detections.stream].at(detections.pose.focal_scale)
+
     def _keep(self, looks: list[Look]) -> None:
         late = bool(looks and self.looks) and looks[0].order < self.looks[-1].order
         if not late:
@@ -116,7 +109,7 @@ class Fuser:
 
     def _fault(self, detections: Detections) -> str | None:
         """Why nothing of a result can be used, if so."""
-        if detections.stream not in self._cameras:
+        if detections.stream not in self._optics:
             return "unknown stream"
         if detections.detector not in self._p_detector:
             return "unknown detector"
@@ -124,7 +117,7 @@ class Fuser:
 
     def _sound_boxes(self, detections: Detections) -> list[int]:
         """Numbers of the boxes that can be used."""
-        sound, camera = [], self._cameras[detections.stream]
+        sound, camera = [], self._optics_of(detections).camera
         boxes, scores = detections.boxes_px.tolist(), detections.scores.tolist()
         for i, (box, score) in enumerate(zip(boxes, scores, strict=True)):
             reason = box_fault(box, score, camera)
@@ -154,12 +147,12 @@ class Fuser:
     ) -> Look | str:
         """Where box i stands and how much it says, or why it has no place. to_*: rays (3,), map frame."""
         box, position = detections.boxes_px[i].tolist(), detections.pose.position_enu
-        object_class = self._classes.get(int(detections.class_ids[i]))
+        optics, object_class = self._optics_of(detections), self._classes.get(int(detections.class_ids[i]))
         if object_class is None:
             return "class without a layer"
-        if is_cut(box, self._cameras[detections.stream]):
+        if is_cut(box, optics.camera):
             return "cut by the picture's border"
-        model = self._models[detections.stream, object_class.name]
+        model = optics.models[object_class.name]
         ray = to_center if object_class.significant_point == "center" else to_bottom
         hit = self._terrain.intersect(position, ray, model.reach_m)
         if hit is None:
@@ -184,12 +177,13 @@ class Fuser:
             position,
             to_center,
             detections.pose.enu_from_camera,
-            self._pixel_rad[stream],
+            optics.pixel_rad,
             object_class.name,
             i,
             detections.pose.horizontal_sd_m,
             detections.pose.height_sd_m,
             detections.pose.attitude_sd_rad,
+            optics.camera.focal_sd,
         )
 
     def _observe(
@@ -201,9 +195,9 @@ class Fuser:
         raised: tuple[NDArray[np.int64], FloatArray],
     ) -> None:
         """negativeUpdate of Algorithm grid_update. raised: rows and columns (2, N), and distances (N,)."""
-        camera, reach_m = self._cameras[detections.stream], self._reach_m[detections.stream]
-        model, p_detector = self._models[detections.stream, name], self._p_detector[detections.detector]
+        camera, optics = self._cameras[detections.stream], self._optics_of(detections)
+        model, p_detector = optics.models[name], self._p_detector[detections.detector]
         seen, distances_m = self._visibility.cells(
-            camera, detections.pose, reach_m, boxes_px, model.typical_height_m
+            camera, detections.pose, optics.reach_m, boxes_px, model.typical_height_m
         )
         voxel_map.observe(seen, distances_m, *raised, model, p_detector, detections.time_ns)

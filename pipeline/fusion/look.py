@@ -16,7 +16,8 @@ class Look:
     camera_enu: float64 (3,), metres. center_ray_enu: float64 (3,), unit direction of the box's centre.
     enu_from_camera: float64 (3, 3), the camera's attitude. pixel_rad: the angle that a pixel covers.
     class_name: what was detected, the map's layer. box: its number in the detector's result. horizontal_sd_m,
-    height_sd_m, attitude_sd_rad: of the camera's pose, as in ``CameraPose``.
+    height_sd_m, attitude_sd_rad: of the camera's pose, as in ``CameraPose``. focal_sd: of the camera's focal length,
+    as a share of it.
     """
 
     time_ns: int
@@ -36,6 +37,7 @@ class Look:
     horizontal_sd_m: float = math.nan
     height_sd_m: float = math.nan
     attitude_sd_rad: float = math.nan
+    focal_sd: float = 0.0
 
     @property
     def order(self) -> tuple[int, str, str, int]:

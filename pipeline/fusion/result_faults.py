@@ -10,6 +10,8 @@ from pipeline.messages import CameraPose, Detections
 
 #: A rotation's rows may differ from an orthonormal basis by this much.
 _ROTATION_TOLERANCE = 1e-6
+#: A focal length this many times shorter or longer than the camera's is no zoom but a slip.
+_MOST_ZOOM = 1000.0
 #: A box whose edge is this near to the picture's border counts as cut by it.
 _BORDER_PX = 2.0
 
@@ -31,6 +33,8 @@ def pose_fault(pose: CameraPose, terrain: Terrain) -> str | None:
     position, rotation = pose.position_enu.tolist(), pose.enu_from_camera
     if not all(map(math.isfinite, (*position, *rotation.ravel().tolist()))):
         return "pose with NaN"
+    if not 1.0 / _MOST_ZOOM < pose.focal_scale < _MOST_ZOOM:
+        return "impossible focal length"
     if not _is_rotation(rotation.tolist()):
         return "attitude that is no rotation"
     if terrain.cell(position[0], position[1])[0] < 0:

@@ -35,7 +35,7 @@ def select(  # type: ignore[no-untyped-def]
     standing, or lying, half its height around the centre. picture: width and height, pixels.
 
     toward_camera: (3, 3), columns: camera-frame metres per cell east, per cell north and per metre up. lens:
-    (9,) fx, fy, cx, cy, k1, k2, p1, p2, k3. window: as in sweep. cells: int32 (2, >=N), distances: float64
+    (12,) fx, fy, cx, cy, k1, k2, p1, p2, k3, k4, k5, k6. window: as in sweep. cells: int32 (2, >=N), distances: float64
     (>=N,), get row, column and distance of the centre, metres. Returns how many.
     """
     row, column, bits = window
@@ -116,6 +116,7 @@ def _bend(u, v, z, lens):  # type: ignore[no-untyped-def]
     x, y = (u / z - lens[2]) / lens[0], (v / z - lens[3]) / lens[1]
     r2 = x * x + y * y
     radial = 1.0 + r2 * (lens[4] + r2 * (lens[5] + r2 * lens[8]))
+    radial /= 1.0 + r2 * (lens[9] + r2 * (lens[10] + r2 * lens[11]))
     bent_x = x * radial + 2.0 * lens[6] * x * y + lens[7] * (r2 + 2.0 * x * x)
     bent_y = y * radial + lens[6] * (r2 + 2.0 * y * y) + 2.0 * lens[7] * x * y
     return (bent_x * lens[0] + lens[2]) * z, (bent_y * lens[1] + lens[3]) * z

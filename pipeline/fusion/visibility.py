@@ -71,7 +71,7 @@ class Visibility:
         object_height_m: float = 0.0,
     ) -> tuple[CellArray, FloatArray]:
         """Rows and columns (2, N) and distances (N,), see visible_cells; views, good until the next call."""
-        terrain = self._terrain
+        terrain, camera = self._terrain, camera.zoomed(pose.focal_scale)
         last = camera, pose.position_enu.tobytes(), pose.enu_from_camera.tobytes(), max_distance_m
         if last != self._last:
             self._found = self._sweep(camera, pose, max_distance_m)
@@ -153,8 +153,11 @@ def _outline(camera: Camera) -> FloatArray:
 
 @lru_cache(maxsize=64)
 def _lens(camera: Camera) -> FloatArray:
-    """The kernels' lens (9,)."""
-    return np.array([camera.fx, camera.fy, camera.cx, camera.cy, *camera.distortion])
+    """The kernels' lens (12,)."""
+    lens = np.zeros(12)
+    lens[:4] = camera.fx, camera.fy, camera.cx, camera.cy
+    lens[4 : 4 + len(camera.distortion)] = camera.distortion
+    return lens
 
 
 def _position(terrain: Terrain, pose: CameraPose) -> tuple[float, float, float]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import argparse
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -84,12 +84,17 @@ def params(budget: dict[str, object]) -> Fusion:
     )
 
 
-def coverage(fusion: Fusion, missions: int, seed: int, actual: Fusion | None = None) -> Coverage:
-    """actual: the errors drawn, if they are not those that the mission believes in."""
+def coverage(
+    fusion: Fusion, missions: int, seed: int, actual: Fusion | None = None, focal_sd: float = 0.0
+) -> Coverage:
+    """actual: the errors drawn, if they are not those that the mission believes in.
+
+    focal_sd: each stream's true focal length is drawn with it about the one that the mission has.
+    """
     inside, errors, major = [], [], []
     for number in range(missions):
         rng = np.random.default_rng([seed, number])
-        for found, truth in _mission(rng, fusion, actual or fusion):
+        for found, truth in _mission(rng, fusion, actual or fusion, focal_sd):
             offset = truth[:2] - found.position_enu[:2]
             inside.append(found.error.contains(offset))
             errors.append(math.hypot(*offset))
@@ -97,13 +102,15 @@ def coverage(fusion: Fusion, missions: int, seed: int, actual: Fusion | None = N
     return Coverage(len(inside), sum(inside), float(np.mean(errors)), float(np.mean(major)))
 
 
-def _mission(rng, fusion, actual):  # type: ignore[no-untyped-def]
+def _mission(rng, fusion, actual, focal_sd):  # type: ignore[no-untyped-def]
     """Found places with the person nearest to each."""
     terrain = _terrain(rng)
     people = _people(rng, terrain, actual.uncertainty.body)
     streams = ("a", "b")[: int(rng.integers(1, 3))]
-    fuser = Fuser(_surveyed(rng, terrain, actual), fusion, dict.fromkeys(streams, CAMERA), {"d": 1.0})
-    results = [r for name in streams for r in _flight(rng, name, people, terrain, actual)]
+    believed = replace(CAMERA, focal_sd=focal_sd)
+    fuser = Fuser(_surveyed(rng, terrain, actual), fusion, dict.fromkeys(streams, believed), {"d": 1.0})
+    true = {name: CAMERA.zoomed(1.0 + focal_sd * rng.normal() if focal_sd else 1.0) for name in streams}
+    results = [r for name in streams for r in _flight(rng, name, people, terrain, actual, true[name])]
     for result in sorted(results, key=lambda r: r.order):
         fuser.apply(result)
     truth = np.array([center for center, _ in people])
@@ -151,8 +158,8 @@ def _body(rng: np.random.Generator) -> FloatArray:
     return np.asarray(points @ np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]]))
 
 
-def _flight(rng, stream, people, terrain, actual):  # type: ignore[no-untyped-def]
-    """Two lanes, there and back, across the people in some direction."""
+def _flight(rng, stream, people, terrain, actual, camera):  # type: ignore[no-untyped-def]
+    """Two lanes, there and back, across the people in some direction. camera: the true one."""
     u, course = actual.uncertainty, rng.uniform(0.0, 2.0 * np.pi)
     along = np.array([math.sin(course), math.cos(course)])
     across = np.array([along[1], -along[0]])
@@ -167,7 +174,7 @@ def _flight(rng, stream, people, terrain, actual):  # type: ignore[no-untyped-de
         spot = turn * way[i % len(way)] * along + (6.0 if back else -6.0) * across
         true = np.array([*spot, terrain.height(*spot) + HEIGHT_M])
         angles = np.array([course + (math.pi if back else 0.0), math.radians(-45.0), 0.0])
-        boxes = _boxes(rng, people, CameraPose(true, enu_from_camera(*angles)), u.box)
+        boxes = _boxes(rng, people, CameraPose(true, enu_from_camera(*angles)), u.box, camera)
         if not len(boxes):
             continue  # nothing that a place could rest on
         told = CameraPose(true + error[i, :3], enu_from_camera(*(angles + error[i, 3:])))
@@ -175,13 +182,13 @@ def _flight(rng, stream, people, terrain, actual):  # type: ignore[no-untyped-de
         yield Detections(stream, "d", i, round(time_s * 1e9), told, boxes, scores, kinds)
 
 
-def _boxes(rng, people, pose, std_px):  # type: ignore[no-untyped-def]
+def _boxes(rng, people, pose, std_px, camera):  # type: ignore[no-untyped-def]
     """Of the people who are whole in the picture, nine of ten."""
     boxes = []
-    middles = CAMERA.project_enu(np.array([center for center, _ in people]), pose)
+    middles = camera.project_enu(np.array([center for center, _ in people]), pose)
     near = (middles > 0.0).all(axis=1) & (middles < (CAMERA.width, CAMERA.height)).all(axis=1)
     for surface in (people[k][1] for k in np.flatnonzero(near)):
-        pixels = CAMERA.project_enu(surface, pose)
+        pixels = camera.project_enu(surface, pose)
         box = np.concatenate([pixels.min(axis=0), pixels.max(axis=0)])
         whole = (box > 0).all() and box[2] < CAMERA.width and box[3] < CAMERA.height
         if whole and rng.random() < 0.9:
@@ -201,6 +208,8 @@ def main() -> None:
     for name, budget in BUDGETS.items():
         _show(name, coverage(params(budget), missions, 1))
     rtk = params(BUDGETS["RTK, good gimbal"])
+    for sd in (0.02, 0.1):
+        _show(f"RTK, good gimbal, focal length good to {sd:.0%}", coverage(rtk, missions, 3, None, sd))
     _show("believes in RTK, noise is 3 to 7 times larger", coverage(rtk, missions, 2, wild))
 
 

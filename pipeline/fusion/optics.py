@@ -1,0 +1,42 @@
+"""What the fuser needs to know of a camera at one focal length."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+from pipeline.config.mission import Fusion
+from pipeline.geo.camera import Camera
+from pipeline.sensor.model import SensorModel
+
+#: focal lengths of all streams that are kept: a zoom passes through many, and few come back
+_KEPT = 64
+
+
+class Optics:
+    """camera: as it was zoomed. models: by class name. reach_m: what it sees of any class. pixel_rad: the
+
+    angle that a pixel covers.
+    """
+
+    def __init__(self, camera: Camera, params: Fusion) -> None:
+        self.camera = camera
+        self.models = {c.name: SensorModel(camera, params, c) for c in params.classes}
+        self.reach_m = max(model.max_distance_m for model in self.models.values())
+        self.pixel_rad = 1.0 / math.sqrt(camera.fx * camera.fy)
+
+
+class OpticsByFocalLength:
+    """The optics of one stream's camera at each focal length that comes up."""
+
+    def __init__(self, camera: Camera, params: Fusion) -> None:
+        self._camera, self._params = camera, params
+        self._usual = Optics(camera, params)
+        self._zoomed = lru_cache(maxsize=_KEPT)(self._at)
+
+    def at(self, focal_scale: float) -> Optics:
+        """focal_scale: focal length over that of the camera."""
+        return self._usual if focal_scale == 1.0 else self._zoomed(focal_scale)
+
+    def _at(self, focal_scale: float) -> Optics:
+        return Optics(self._camera.zoomed(focal_scale), self._params)
