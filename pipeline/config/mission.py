@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, field_validator, model_validator
 
 from pipeline.config.base import Strict, load, mismatch, refuse_repeated
+from pipeline.config.camera import CameraSource
 from pipeline.config.units import (
     Bitrate,
     Hertz,
@@ -240,7 +241,7 @@ class Stream(Strict):
     id: str = Field(pattern=r"^[A-Za-z0-9_.-]+$")
     video: Path | tuple[Path, ...]
     telemetry: Telemetry
-    camera: Path
+    camera: CameraSource = CameraSource()
     site: str
     start: Seconds | None = None
     end: Seconds | None = None
@@ -487,7 +488,7 @@ def load_mission(path: Path) -> Mission:
         s.model_copy(
             update={
                 "video": _files(base, s.videos),
-                "camera": base / s.camera,
+                "camera": s.camera.model_copy(update={"file": s.camera.file and base / s.camera.file}),
                 "telemetry": _resolved(s.telemetry, base),
             }
         )

@@ -17,6 +17,7 @@ _BPS = {"bps": 1.0, "kbps": 1e3, "mbps": 1e6, "gbps": 1e9}
 _RADIANS = {"degrees": math.pi / 180.0, "radians": 1.0}
 _BYTES = {"megabytes": 1e6, "gigabytes": 1e9}
 _MPS = {"meters_per_second": 1.0}
+_MILLIMETERS = {"millimeters": 1.0}
 _PIXELS = {"pixels": 1.0}
 
 
@@ -65,6 +66,8 @@ BitsPerSecond = Annotated[float, Field(allow_inf_nan=True), BeforeValidator(_qua
 Bitrate = Annotated[float, BeforeValidator(_quantity(_BPS, 1.0, 1e12))]
 Radians = Annotated[float, BeforeValidator(_quantity(_RADIANS, -_MOST, _MOST))]
 NonNegativeRadians = Annotated[float, BeforeValidator(_quantity(_RADIANS, 0.0, math.pi))]
+#: a focal length, millimetres
+Millimeters = Annotated[float, BeforeValidator(_quantity(_MILLIMETERS, 1.0, 1e4))]
 NonNegativePixels = Annotated[float, BeforeValidator(_quantity(_PIXELS, 0.0, _MOST))]
 Bytes = Annotated[float, BeforeValidator(_quantity(_BYTES, 0.0, 1e15))]
 MetersPerSecond = Annotated[float, BeforeValidator(_quantity(_MPS, 0.0, 1e4))]

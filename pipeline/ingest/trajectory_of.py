@@ -47,10 +47,12 @@ def trajectory_of(
     offset_s: float | None = None,
     angles: Track | None = None,
     uncertainty: Uncertainty | None = None,
+    focal_reference_mm: float | None = None,
 ) -> Trajectory:
     """The way of the camera. angles: the track of ``telemetry.angles``, on the video's clock, if there is one.
 
     uncertainty: the mission's (absent: that of a mission which says nothing), for what the telemetry does not state.
+    focal_reference_mm: equivalent focal length that the camera belongs to.
     offset_s: added to the track's times to get the video's; absent, the mission's time_offset. Raises InputError
     for a position, a height or an angle that nothing tells, with what to write.
     """
@@ -80,7 +82,7 @@ def trajectory_of(
         np.column_stack([way, up])[whole],
         angles_rad[whole],
         sds[whole],
-        _focal_scale(track, known)[whole],
+        _focal_scale(track, known, focal_reference_mm)[whole],
         _end_s(track, times_s[whole], offset_s),
         telemetry.longest_gap,
         start_ns,
@@ -300,13 +302,14 @@ def _at(times_s: FloatArray, own_s: FloatArray, values_rad: FloatArray, longest_
     return np.asarray(result)
 
 
-def _focal_scale(track: Track, known: BoolArray) -> FloatArray:
-    """Focal length over the shortest one of the track: the camera's calibration is that of the widest view."""
+def _focal_scale(track: Track, known: BoolArray, reference_mm: float | None) -> FloatArray:
+    """Focal length over the one that the camera belongs to; absent, the shortest: that of the widest view."""
     if track.focal_length_35mm is None:
         return np.ones(int(known.sum()))
     focal_mm = track.focal_length_35mm[known]
-    shortest_mm = float(np.nanmin(focal_mm)) if np.isfinite(focal_mm).any() else math.nan
-    return np.where(np.isfinite(focal_mm), focal_mm / shortest_mm, 1.0)
+    if not np.isfinite(focal_mm).any():
+        return np.ones(len(focal_mm))
+    return np.where(np.isfinite(focal_mm), focal_mm / (reference_mm or float(np.nanmin(focal_mm))), 1.0)
 
 
 def _or_nan(values: FloatArray | None, known: BoolArray) -> FloatArray:

@@ -252,5 +252,7 @@ def _person_px(terrain: Terrain, camera: Camera, stream: StreamInput) -> float:
             continue
         east, north, up = pose.position_enu
         pitch_rad = float(np.arcsin(pose.enu_from_camera[2, 2]))
-        sizes.append(expected_person_px(up - terrain.height(east, north), pitch_rad, camera.fy))
+        sizes.append(
+            expected_person_px(up - terrain.height(east, north), pitch_rad, camera.fy * pose.focal_scale)
+        )
     return float(np.median(sizes))

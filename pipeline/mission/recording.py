@@ -6,11 +6,13 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline.config.camera import load_camera
+import numpy as np
+
 from pipeline.config.mission import Mission, Stream, Telemetry, Uncertainty
-from pipeline.errors import InputError
 from pipeline.geo.camera import Camera
 from pipeline.geo.frame import LocalFrame
+from pipeline.ingest.cameras.calibration_file import read_calibration
+from pipeline.ingest.cameras.choice import ChosenCamera, PictureFacts, choose_camera
 from pipeline.ingest.clock import Alignment, align, on_the_videos_clock
 from pipeline.ingest.finding import Finding
 from pipeline.ingest.joined import joined
@@ -32,7 +34,7 @@ class Recording:
     video: Recordings
     track: Track
     angles: Track | None
-    camera: Camera
+    chosen: ChosenCamera
     alignment: Alignment
 
     def trajectory(self, frame: LocalFrame, ground: Ground, uncertainty: Uncertainty) -> Trajectory:
@@ -45,13 +47,20 @@ class Recording:
             offset_s=self.alignment.offset_s,
             angles=self.angles,
             uncertainty=uncertainty,
+            focal_reference_mm=self.chosen.focal_length_35mm,
         )
+
+    @property
+    def camera(self) -> Camera:
+        """The camera of the stream, as it was chosen."""
+        return self.chosen.camera
 
     def findings(self, trajectory: Trajectory) -> list[Finding]:
         """What was assumed of the telemetry, and what of it was not used."""
         where = str(self.stream.telemetry.file)
         reasons = [self.alignment.reason] if self.alignment.reason else []
         found = list(self.video.findings)
+        found += [Finding("assumed", "camera", where, text) for text in self.chosen.assumed]
         found += [Finding("assumed", "assumed", where, text) for text in (*trajectory.assumed, *reasons)]
         if trajectory.clock == "local":
             text = "the zone of its times is not known; results say local time (telemetry.utc_offset)"
@@ -75,8 +84,9 @@ def read_recording(path: Path, mission: Mission, stream: Stream) -> Recording:
     for file in stream.telemetry.files:
         with faults.collected():
             tracks.append(read_telemetry(stream.telemetry.model_copy(update={"file": file})))
-    with faults.collected():
-        camera = load_camera(stream.camera)
+    if stream.camera.file is not None:
+        with faults.collected():
+            read_calibration(stream.camera.file)
     angles = None
     if stream.telemetry.angles is not None:
         with faults.collected():
@@ -84,20 +94,28 @@ def read_recording(path: Path, mission: Mission, stream: Stream) -> Recording:
             kept = Telemetry(file=own.file, format=own.format, columns=own.columns, table=own.table)
             angles = read_telemetry(kept)
     faults.raise_if_any()
-    size = video.info.width, video.info.height
-    if size != (camera.width, camera.height):
-        raise InputError(
-            f"{stream.camera} width, height",
-            f"{camera.width} x {camera.height}",
-            f"the size of {stream.videos[0]}, {size[0]} x {size[1]}",
-        )
     track = joined(tracks, [offset_s for _, offset_s in video.files], stream.telemetry.file)
+    chosen = choose_camera(stream.camera, _facts(path, stream, video, track))
     alignment = align(
         track, stream.telemetry, video.end_s, created_ns(stream.videos[0]), stream.telemetry.file
     )
     if angles is not None and stream.telemetry.angles is not None:
         angles = on_the_videos_clock(angles, stream.telemetry.angles, track, alignment)
-    return Recording(stream, video, track, angles, camera, alignment)
+    return Recording(stream, video, track, angles, chosen, alignment)
+
+
+def _facts(path: Path, stream: Stream, video: Recordings, track: Track) -> PictureFacts:
+    """What telemetry and video say of the camera. path: of the mission."""
+    focal_mm = track.focal_length_35mm
+    known = focal_mm is not None and bool(np.isfinite(focal_mm).any())
+    return PictureFacts(
+        video.info.width,
+        video.info.height,
+        f"{path} streams.{stream.id}",
+        (track.camera_name,) if track.camera_name else (),
+        None,
+        float(np.nanmin(focal_mm)) if known and focal_mm is not None else 0.0,
+    )
 
 
 def _threads(mission: Mission) -> int:

@@ -6,12 +6,12 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
-from pipeline.config.camera import load_camera
 from pipeline.config.mission import Stream, load_mission
 from pipeline.errors import InputError
 from pipeline.evaluation.datasets.coco import CocoOptions, read_coco
 from pipeline.evaluation.datasets.dataset import DataSet, Picture, joined
 from pipeline.evaluation.datasets.fault_log import FaultLog
+from pipeline.ingest.cameras.calibration_file import read_calibration
 from pipeline.ingest.ground import GroundModel, frame_over, load_ground, window_about
 from pipeline.ingest.registry import read_telemetry
 from pipeline.ingest.trajectory_of import trajectory_of
@@ -48,7 +48,11 @@ def _with_context(dataset: DataSet, stream: Stream, model: GroundModel) -> DataS
     track = read_telemetry(stream.telemetry)
     terrain = model.terrain
     trajectory = trajectory_of(track, stream.telemetry, terrain.frame, model.ground)
-    focal_px = load_camera(stream.camera).fy
+    if stream.camera.file is None:
+        raise InputError(
+            f"stream {stream.id} camera", "no calibration file", "the one that searchlight simulate writes"
+        )
+    focal_px = read_calibration(stream.camera.file).camera.fy
     rate = dataset.sequences[0].frame_rate or 1.0
 
     def seen(picture: Picture) -> Picture:
@@ -60,6 +64,8 @@ def _with_context(dataset: DataSet, stream: Stream, model: GroundModel) -> DataS
         if math.isnan(height_m):
             return picture
         pitch_rad = math.asin(max(-1.0, min(1.0, float(pose.enu_from_camera[2, 2]))))
-        return replace(picture, expected_px=expected_person_px(height_m, pitch_rad, focal_px))
+        return replace(
+            picture, expected_px=expected_person_px(height_m, pitch_rad, focal_px * pose.focal_scale)
+        )
 
     return replace(dataset, pictures=tuple(seen(p) for p in dataset.pictures))

@@ -97,7 +97,7 @@ def test_records_are_frozen(write: Write) -> None:
         ("pool", "{bitrate: {mbps: 4}", "{bitrate: {kbps: 1000}", "accuracy.1", "every bitrate once"),
         ("camera", "cx: 512.0", "cx: .nan", "cx", "a finite number"),
         ("camera", "fx: 900.0", "fx: -900.0", "fx", "greater than 0"),
-        ("camera", "cy: 288.0", "cy: 288.0\ndistortion: [0, 0]", "distortion.2", "a value"),
+        ("camera", "cy: 288.0", "cy: 288.0\ndistortion: [0, 0]", "distortion", "4 (k1, k2, p1, p2)"),
     ],
 )
 def test_a_value_out_of_its_range_is_named(

@@ -1,0 +1,1 @@
+"""Which camera took the pictures: calibration files, stated angles, known models, metadata."""
