@@ -62,13 +62,12 @@ def _columns(
 def _taps(size_in: int, size_out: int, method: Filter, most: int) -> tuple[NDArray[np.uintp], FloatArray]:
     """For each output pixel of an axis: input pixels (n, taps), and their weights (n, taps), which sum to 1.
 
-    Where five would count, the lightest is left out; where more than the most, evenly spread ones stay.
+    Where one more than the most would count, the lightest is left out; of more, evenly spread ones stay.
     """
     dense = _FILTERS[method](size_in, size_out)
     used = dense > 1e-9
     count = used.sum(axis=1)
-    widest = int(count.max())
-    taps = 4 if widest == 5 else min(widest, most)
+    taps = min(int(count.max()), most)
     heaviest = np.sort(np.argsort(-dense, axis=1, kind="stable")[:, :taps], axis=1)
     spread = used.argmax(axis=1)[:, None] + np.floor((np.arange(taps) + 0.5) / taps * count[:, None])
     places = np.where((count <= taps + 1)[:, None], heaviest, spread.astype(np.int64))
