@@ -100,7 +100,7 @@ def _columns(
         own, relative = np.radians(aircraft), np.radians(sensor)
         reading = azimuth_reading(path, telemetry.sensor_azimuth, own, relative, positions, centres, assumed)
         camera = (
-            np.degrees(camera_on_aircraft(own, relative)) if reading == "relative" else _half_turn(sensor)
+            np.degrees(camera_on_aircraft(own, relative)) if reading == "relative" else _from_north(relative)
         )
     half_view = np.radians(_field(packets, "sensor_hfov_deg")) / 2.0
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -165,6 +165,6 @@ def _times_s(
     return np.asarray(shown_s + np.where((since_s >= 0.0) & (since_s < _LONGEST_PIECE_S), since_s, 0.0))
 
 
-def _half_turn(angles_deg: FloatArray) -> FloatArray:
-    """Angles in -180..180 degrees."""
-    return np.asarray(np.mod(angles_deg + 180.0, 360.0) - 180.0)
+def _from_north(sensor_rad: FloatArray) -> FloatArray:
+    """Angles (N, 3) in degrees of a camera whose own count from north; elevations past straight down turned about."""
+    return np.degrees(camera_on_aircraft(np.zeros(sensor_rad.shape), sensor_rad))

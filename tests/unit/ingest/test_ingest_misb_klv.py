@@ -48,6 +48,40 @@ def test_what_was_laid_in_comes_out(tmp_path: Path, ellipsoid: bool) -> None:
     assert track.aircraft_yaw_rad is not None
 
 
+#: tag, bytes, value: the examples that MISB ST 0601 itself prints
+PRINTED = (
+    (5, "71c2", 159.9744), (6, "fd3d", -0.4315251), (7, "08b8", 3.405814), (13, "5595b66d", 60.17682296697),
+    (14, "5b5360c4", 128.42675904204), (15, "c221", 14190.72), (16, "cd9c", 144.5713),
+    (18, "724a0a20", 160.71921147), (19, "87f84b86", -168.79232483), (20, "7dc55ece", 176.86543764),
+)  # fmt: skip
+
+
+def test_the_examples_of_the_standard_are_read_to_their_values(tmp_path: Path) -> None:
+    path = tmp_path / "flight.klv"
+    items = b"".join(bytes([tag, len(data) // 2]) + bytes.fromhex(data) for tag, data, _ in PRINTED)
+    path.write_bytes(klv.packet(START_NS // 1000, {}, items))
+    track = read(path, sensor_azimuth="absolute")
+    value = {tag: value for tag, _, value in PRINTED}
+    assert track.aircraft_yaw_rad is not None
+    assert track.aircraft_pitch_rad is not None
+    assert track.aircraft_roll_rad is not None
+    assert track.focal_length_35mm is not None
+    aircraft = (track.aircraft_yaw_rad, track.aircraft_pitch_rad, track.aircraft_roll_rad)
+    for column, tag in zip(aircraft, (5, 6, 7), strict=True):
+        assert math.degrees(column[0]) == pytest.approx(value[tag], abs=1e-4), tag
+    # an elevation of -168.8 degrees is past straight down
+    camera = enu_from_camera(*(math.radians(value[tag]) for tag in (18, 19, 20)))
+    back = enu_from_camera(track.yaw_rad[0], track.pitch_rad[0], track.roll_rad[0])
+    assert np.allclose(back, camera, atol=1e-9)
+    assert abs(track.pitch_rad[0]) < math.pi / 2.0
+    assert track.latitude_deg[0] == pytest.approx(value[13], abs=1e-9)
+    assert track.longitude_deg[0] == pytest.approx(value[14], abs=1e-9)
+    assert track.absolute_height_m[0] == pytest.approx(value[15], abs=0.01)
+    assert 2.0 * math.degrees(math.atan(18.0 / track.focal_length_35mm[0])) == pytest.approx(
+        value[16], abs=1e-4
+    )
+
+
 def test_angles_from_north_are_noticed_and_said(tmp_path: Path) -> None:
     path, true = tmp_path / "flight.bin", flight()
     klv.write(path, true, absolute=True)
