@@ -18,6 +18,7 @@ from pipeline.messages import FloatArray
 Reading = Literal["relative", "absolute"]
 #: bearings of camera and frame centre agree to this: headings are good to a few degrees
 _FITS_RAD = math.radians(5.0)
+_COMPASS_RAD = math.radians(1.0)
 #: below this way to the frame centre, over the way straight down, a bearing says little
 _SLANT = 0.25
 _RADIUS_M = 6_371_000.0
@@ -53,7 +54,9 @@ def azimuth_reading(
             "(telemetry.sensor_azimuth)"
         )
         return "relative"
-    if median["relative"] <= _FITS_RAD:
+    # an aircraft that flies nearly north fits both ways: the closer one counts, beyond what a compass is off
+    closer = median["relative"] > _COMPASS_RAD and median["absolute"] < 0.5 * median["relative"]
+    if median["relative"] <= _FITS_RAD and not closer:
         return "relative"
     said = ", ".join(
         f"{math.degrees(v):.1f} degrees if {name}" for name, v in median.items() if math.isfinite(v)

@@ -13,6 +13,7 @@ from pipeline.config.mission import Telemetry
 from pipeline.errors import InputError
 from pipeline.geo.pose import enu_from_camera
 from pipeline.ingest.registry import format_of, read_telemetry
+from pipeline.ingest.telemetry.misb_azimuth import azimuth_reading
 from pipeline.ingest.track import Track
 from tests.dialects import klv
 from tests.dialects.tracks import START_NS, flight
@@ -89,6 +90,31 @@ def test_angles_from_north_are_noticed_and_said(tmp_path: Path) -> None:
     assert_same_flight(track, true)
     assert len(track.assumed) == 1
     assert "count from north" in track.assumed[0]
+
+
+@pytest.mark.parametrize(
+    ("heading_deg", "bearing_deg", "reading"),
+    [
+        (4.0, 50.0, "absolute"),  # nearly north: both readings fit, one is exact
+        (4.0, 54.0, "relative"),
+        (0.5, 50.0, "relative"),  # both are as good as a compass
+        (4.0, 51.9, "relative"),  # between both: the standard
+        (90.0, 136.0, "relative"),  # 4 degrees off
+        (90.0, 46.0, "absolute"),
+    ],
+)
+def test_the_reading_that_fits_is_taken(heading_deg: float, bearing_deg: float, reading: str) -> None:
+    bearing = math.radians(bearing_deg)
+    centre = [
+        58.0 + 0.01 * math.cos(bearing),
+        15.0 + 0.01 * math.sin(bearing) / math.cos(math.radians(58.0)),
+        0.0,
+    ]
+    found = azimuth_reading(
+        "x.klv", None, np.radians([[heading_deg, 0.0, 0.0]]), np.radians([[50.0, -10.0, 0.0]]),
+        np.array([[58.0, 15.0, 200.0]]), np.array([centre]), [],
+    )  # fmt: skip
+    assert found == reading
 
 
 @pytest.mark.parametrize(("stated", "absolute"), [("absolute", True), ("relative", False)])
