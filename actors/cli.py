@@ -74,13 +74,14 @@ def check(
     """Find everything that would keep a mission from running, without running it."""
     from pipeline.mission.find_mission import find_mission
     from pipeline.mission.noticed import noticed
+    from pipeline.mission.one_picture import push_one_picture
     from pipeline.mission.planning import plan
     from pipeline.mission.prepared import prepare
 
     mission = find_mission(mission)
     prepared = noticed(prepare(mission))
     result = plan(prepared)
-    for finding in prepared.findings:
+    for finding in (*prepared.findings, *push_one_picture(prepared, result)):
         _say(str(finding))
     _say(
         f"{mission}: usable; {len(prepared.streams)} streams, {len(result.assignments)} substreams planned "
@@ -134,7 +135,7 @@ def run(
                 options = RunOptions(pace.value, address, metrics_port, metrics_host)
                 finished = run_on_ray(prepared, options, progress, _say)
         summary = write_run_directory(prepared, finished, out)
-    for finding in prepared.findings:
+    for finding in summary.findings:
         if finding.severity == "warning":
             _say(str(finding))
     _print_people(summary)

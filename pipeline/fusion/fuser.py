@@ -31,8 +31,12 @@ from pipeline.fusion.visibility import Visibility
 from pipeline.fusion.voxel_map import VoxelMap, log_odds
 from pipeline.geo.camera import Camera
 from pipeline.geo.terrain import Terrain
+from pipeline.ingest.checks.box_sizes import size_bin
 from pipeline.messages import Detections, FloatArray
+from pipeline.sensor.expected_size import expected_person_px
 
+#: score of a box that a person's size may be read from
+_SURE = 0.5
 _NO_BOXES = np.zeros((0, 4))
 
 
@@ -41,7 +45,8 @@ class Fuser:
 
     maps: a VoxelMap per class name; map: that of persons. looks: the detections that raised them, in the
     order of time, stream and detector. refused: bad input by reason, which left the map as it was. unplaced:
-    good boxes without a valid voxel or with an impossible size, by reason; they raised nothing.
+    good boxes without a valid voxel or with an impossible size, by reason; they raised nothing. sizes: of sure boxes
+    of people against the size of a person at their place, (stream, ``size_bin``) -> count.
     """
 
     def __init__(
@@ -70,6 +75,7 @@ class Fuser:
         self.looks: list[Look] = []
         self.refused: Counter[str] = Counter()
         self.unplaced: Counter[str] = Counter()
+        self.sizes: Counter[tuple[str, int]] = Counter()
         self._visibility = Visibility(terrain, owned)
         self._terrain = terrain
         self._cameras, self._p_detector = dict(cameras), dict(relative_accuracy)
@@ -148,6 +154,7 @@ class Fuser:
         """Where box i stands and how much it says, or why it has no place. to_*: rays (3,), map frame."""
         box, position = detections.boxes_px[i].tolist(), detections.pose.position_enu
         optics, object_class = self._optics_of(detections), self._classes.get(int(detections.class_ids[i]))
+        score = float(detections.scores[i])
         if object_class is None:
             return "class without a layer"
         if is_cut(box, optics.camera):
@@ -157,10 +164,12 @@ class Fuser:
         hit = self._terrain.intersect(position, ray, model.reach_m)
         if hit is None:
             return "no ground within reach"
+        if score >= _SURE and object_class.name == "person":
+            self._measure(detections, box, hit, ray)
         row, column = self._terrain.cell(float(hit[0]), float(hit[1]))
         if not self.map.valid(row, column):
             return "no voxel"
-        score, p_detector = float(detections.scores[i]), self._p_detector[detections.detector]
+        p_detector = self._p_detector[detections.detector]
         p = model.positive(box, score, math.dist(hit, position), p_detector)
         if p <= 0.5:
             return "not the size of its class, or no trust"
@@ -185,6 +194,16 @@ class Fuser:
             detections.pose.attitude_sd_rad,
             optics.camera.focal_sd,
         )
+
+    def _measure(self, detections: Detections, box: list[float], hit: FloatArray, ray: FloatArray) -> None:
+        """Count a box's size against that of a standing person where it stands."""
+        down_rad = math.asin(max(-1.0, min(1.0, -float(ray[2]))))
+        above_m = math.dist(hit, detections.pose.position_enu) * math.sin(down_rad)
+        camera = self._optics_of(detections).camera
+        expected_px = expected_person_px(above_m, -down_rad, math.sqrt(camera.fx * camera.fy))
+        measured_px = math.sqrt((box[2] - box[0]) * (box[3] - box[1]))
+        if expected_px > 0.0 and measured_px > 0.0:
+            self.sizes[detections.stream, size_bin(measured_px, expected_px)] += 1
 
     def _observe(
         self,

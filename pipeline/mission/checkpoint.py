@@ -60,6 +60,7 @@ def _state(stage: ReducerStage) -> dict[str, Any]:
         "looks": [[_plain(getattr(look, f.name)) for f in fields(Look)] for look in stage.fuser.looks],
         "fuser_refused": stage.fuser.refused,
         "unplaced": stage.fuser.unplaced,
+        "sizes": sorted(stage.fuser.sizes.items()),
         "sequencer": {
             "open": sequencer.open,
             "newest_ns": sorted(sequencer.newest_ns.items()),
@@ -88,6 +89,7 @@ def _restore_fuser(stage: ReducerStage, state: dict[str, Any]) -> None:
     fuser = stage.fuser
     fuser.looks[:] = [_look(values) for values in state["looks"]]
     fuser.refused, fuser.unplaced = Counter(state["fuser_refused"]), Counter(state["unplaced"])
+    fuser.sizes = Counter(dict(state.get("sizes", ())))  # absent from checkpoints before it was counted
 
 
 def _look(values: tuple[Any, ...]) -> Look:

@@ -10,7 +10,13 @@ from pipeline.geo.geoid import undulation_m
 from pipeline.ingest.checks.motion_check import MotionCheckParams, check_motion
 from pipeline.ingest.checks.picture_motion import picture_motion
 from pipeline.ingest.checks.predicted_motion import Predictor
-from pipeline.ingest.checks.track_checks import check_duration, check_speed, check_takeoff, check_units
+from pipeline.ingest.checks.track_checks import (
+    check_duration,
+    check_sky,
+    check_speed,
+    check_takeoff,
+    check_units,
+)
 from pipeline.ingest.finding import Finding
 from pipeline.ingest.track import Track
 from pipeline.ingest.trajectory import Trajectory
@@ -35,6 +41,7 @@ def _of_samples(prepared: PreparedMission) -> list[Finding]:
         findings += check_duration(where, track, stream.end_s)
         findings += check_units(where, track)
         findings += check_speed(where, stream.trajectory)
+        findings += check_sky(where, stream.trajectory, prepared.cameras[stream.stream])
         place = next(k for k in range(len(track.times_s)) if np.isfinite(track.latitude_deg[k]))
         geoid_m, _ = undulation_m(float(track.latitude_deg[place]), float(track.longitude_deg[place]))
         findings += check_takeoff(

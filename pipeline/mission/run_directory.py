@@ -12,6 +12,8 @@ import numpy as np
 from pipeline.allocation.gantt import gantt
 from pipeline.allocation.plan import plan_to_json
 from pipeline.fusion.salient import SalientLocation, locations_of_all_classes
+from pipeline.ingest.checks.box_sizes import check_box_sizes
+from pipeline.ingest.finding import Finding
 from pipeline.messages import FloatArray
 from pipeline.mission.found_place_crops import found_place_crops
 from pipeline.mission.ledger import stream_account, substream_counts
@@ -89,10 +91,19 @@ def _summary(
         not_taken=run.reducer.not_taken,
         provenance=_provenance(),
         clock=prepared.clock,
-        findings=prepared.findings,
+        findings=(*prepared.findings, *_of_box_sizes(prepared, run)),
         left_out=prepared.left_out,
         own_detections=run.own_detections,
     )
+
+
+def _of_box_sizes(prepared: PreparedMission, run: FinishedRun) -> list[Finding]:
+    """What the boxes of each stream say about its heights and its camera."""
+    findings = []
+    for config in prepared.mission.streams:
+        sizes = {b: n for (stream, b), n in run.reducer.fuser.sizes.items() if stream == config.id}
+        findings += check_box_sizes(str(config.telemetry.file), sizes)
+    return findings
 
 
 def _provenance() -> dict[str, str]:

@@ -7,6 +7,8 @@ import math
 import numpy as np
 
 from pipeline.config.mission import Telemetry
+from pipeline.geo.camera import Camera
+from pipeline.geo.pose import enu_from_camera
 from pipeline.geo.terrain import Terrain
 from pipeline.ingest.finding import Finding
 from pipeline.ingest.track import Track
@@ -67,6 +69,22 @@ def check_speed(where: str, trajectory: Trajectory) -> list[Finding]:
     evidence = f"{np.mean(speed_mps > _FASTEST_MPS):.1%} of the flight is faster than {_FASTEST_MPS:g} m/s"
     mend = "telemetry.start, end: cut it out; or check units and order of latitude and longitude"
     return [Finding("warning", "jump", where, found, evidence, mend)]
+
+
+def check_sky(where: str, trajectory: Trajectory, camera: Camera) -> list[Finding]:
+    """A camera whose whole picture lies above the horizon: it searches nothing, or its pitch has the other sign."""
+    corners = np.array([[0, 0], [camera.width, 0], [0, camera.height], [camera.width, camera.height]], float)
+    rays = camera.rays(corners)
+    every = max(1, len(trajectory.times_s) // 500)
+    angles = trajectory.angles_rad[::every]
+    up = np.array([(rays @ enu_from_camera(*a).T)[:, 2].min() > 0.0 for a in angles.tolist()])
+    if up.mean() <= 0.5:
+        return []
+    found = "the camera looks at the sky"
+    pitch_deg = float(np.degrees(np.median(angles[:, 1])))
+    evidence = f"{up.mean():.0%} of its poses see no ground; the median pitch is {pitch_deg:+.0f} degrees"
+    mend = "a telemetry whose pitch is negative downward"
+    return [Finding("warning", "pitch_sign", where, found, evidence, mend)]
 
 
 def check_takeoff(

@@ -7,6 +7,7 @@ from pipeline.errors import InputError
 from pipeline.fusion.fuser import Fuser
 from pipeline.fusion.voxel_map import log_odds
 from pipeline.geo.pose import enu_from_camera
+from pipeline.ingest.checks.box_sizes import BINS, size_bin
 from pipeline.messages import CameraPose, Detections
 from pipeline.sensor.model import SensorModel
 
@@ -201,3 +202,18 @@ def test_a_bad_box_is_counted_and_the_rest_of_its_frame_is_used(plane, params, c
 def test_a_relative_accuracy_above_one_is_refused(plane, params, camera):
     with pytest.raises(InputError, match="relative accuracy of d"):
         Fuser(plane, params, {"a": camera}, {"d": 1.2})
+
+
+def test_sure_boxes_are_measured_against_people_at_their_places(fuser):
+    fuser.apply(_frame(PERSON, PERSON, scores=[0.8, 0.3]))
+    # 21.2 m away, 45 degrees down: f / d * sqrt((1.7 cos + 0.5 sin) 0.5) = 37.4 px; the box 50 x 70 px
+    expected_px = 900.0 / (15.0 * math.sqrt(2.0)) * math.sqrt((1.7 + 0.5) * math.sqrt(0.5) * 0.5)
+    assert dict(fuser.sizes) == {("a", size_bin(math.sqrt(50.0 * 70.0), expected_px)): 1}
+
+
+def test_a_height_told_twice_as_great_doubles_the_measured_size(fuser):
+    higher = CameraPose(np.array([0.1, -0.1, 30.0]), POSE.enu_from_camera)
+    fuser.apply(_frame(PERSON))
+    fuser.apply(_frame(PERSON, pose=higher, time_ns=2))
+    first, second = sorted(size for _, size in fuser.sizes)
+    assert (second - first) / BINS == pytest.approx(math.log(2.0), abs=1.5 / BINS)
