@@ -233,13 +233,15 @@ class Telemetry(Strict):
 class Stream(Strict):
     """One video, or several recordings in a row, or a folder of stills, of one camera.
 
-    video: a file, or a list of those that a camera cut one recording into. site: where it is filmed, reached
+    video: a file, or a list of those that a camera cut one recording into. stills: instead of it, their folder;
+    each is used at the time that its EXIF says. site: where it is filmed, reached
     without a link's limit. telemetry: absent, from the video's own tracks or the stills' metadata. start, end: the
     part that is used, in time of the video, which begins with its first picture.
     """
 
     id: str = Field(pattern=r"^[A-Za-z0-9_.-]+$")
-    video: Path | tuple[Path, ...]
+    video: Path | tuple[Path, ...] | None = None
+    stills: Path | None = None
     telemetry: Telemetry
     camera: CameraSource = CameraSource()
     site: str
@@ -249,7 +251,14 @@ class Stream(Strict):
     @property
     def videos(self) -> tuple[Path, ...]:
         """The video files, in their order."""
+        if self.video is None:
+            return ()
         return self.video if isinstance(self.video, tuple) else (self.video,)
+
+    @property
+    def pictures(self) -> Path:
+        """The first video file, or the folder of the stills: what a fault of the pictures is said of."""
+        return self.videos[0] if self.stills is None else self.stills
 
     @field_validator("video", mode="before")
     @classmethod
@@ -260,6 +269,13 @@ class Stream(Strict):
         return tuple(files) if len(files) > 1 else files[0]
 
     @model_validator(mode="after")
+    def _one_kind_of_pictures(self) -> Stream:
+        if (self.video is None) == (self.stills is None):
+            found = "nothing" if self.video is None else "a video and stills"
+            raise mismatch(found, "video, or stills", ("video",))
+        return self
+
+    @model_validator(mode="after")
     def _part_is_ordered(self) -> Stream:
         if self.end is not None and self.end <= max(0.0, self.start or 0.0):
             raise mismatch(f"{self.end:g} s", f"more than the start, {self.start or 0.0:g} s", ("end",))
@@ -268,9 +284,10 @@ class Stream(Strict):
     @model_validator(mode="before")
     @classmethod
     def _telemetry_is_in_the_video(cls, given: Any) -> Any:
-        if not isinstance(given, dict) or "telemetry" in given or "video" not in given:
+        if not isinstance(given, dict) or "telemetry" in given:
             return given
-        return given | {"telemetry": {"file": given["video"]}}
+        pictures = given.get("video", given.get("stills"))
+        return given if pictures is None else given | {"telemetry": {"file": pictures}}
 
 
 class Delays(Strict):
@@ -487,7 +504,8 @@ def load_mission(path: Path) -> Mission:
     streams = tuple(
         s.model_copy(
             update={
-                "video": _files(base, s.videos),
+                "video": _files(base, s.videos) if s.videos else None,
+                "stills": None if s.stills is None else base / s.stills,
                 "camera": s.camera.model_copy(update={"file": s.camera.file and base / s.camera.file}),
                 "telemetry": _resolved(s.telemetry, base),
             }

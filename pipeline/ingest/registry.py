@@ -22,6 +22,7 @@ from pipeline.ingest.telemetry.mavlink_tlog import is_mavlink_tlog, read_mavlink
 from pipeline.ingest.telemetry.misb_klv import is_misb_klv, read_misb_klv
 from pipeline.ingest.telemetry.not_decoded import require_decoded
 from pipeline.ingest.telemetry.px4_ulog import is_px4_ulog, read_px4_ulog
+from pipeline.ingest.telemetry.stills_metadata import is_stills, read_stills
 from pipeline.ingest.telemetry.video_subtitles import (
     is_video,
     is_video_with_subtitles,
@@ -69,6 +70,9 @@ TELEMETRY_FORMATS = (
     TelemetryFormat("gopro-gpmf", "GoPro GPMF (bare, or MP4 with it)", is_gopro_gpmf, read_gopro_gpmf),
     TelemetryFormat("mavlink-tlog", "MAVLink logs (.tlog)", is_mavlink_tlog, read_mavlink_tlog),
     TelemetryFormat("misb-klv", "MISB ST 0601 metadata (KLV, or TS with it)", is_misb_klv, read_misb_klv),
+    TelemetryFormat(
+        "stills-metadata", "a folder of stills (EXIF, XMP)", is_stills, lambda t: read_stills(t.file)
+    ),
     # last: any other table, by the mission's map of its columns
     TelemetryFormat("table", "any table, with telemetry.columns", is_table, read_column_table),
 )
@@ -86,7 +90,7 @@ def format_of(telemetry: Telemetry) -> TelemetryFormat:
         if telemetry.format not in names:
             raise InputError("telemetry.format", repr(telemetry.format), f"auto or one of {', '.join(names)}")
         return names[telemetry.format]
-    head = _head(telemetry.file)
+    head = b"" if telemetry.file.is_dir() else _head(telemetry.file)
     require_decoded(telemetry.file, head)
     for known in TELEMETRY_FORMATS:
         if known.recognises(telemetry.file, head):

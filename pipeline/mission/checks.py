@@ -34,7 +34,7 @@ def telemetry_covers(stream: Stream, video: Source, trajectory: Trajectory) -> l
     end_s = float(times_s[-1]) + 1.0 / video.info.frame_rate
     found = f"telemetry from {first_s:.2f} s to {last_s:.2f} s of a video of {end_s:.2f} s"
     if missing == len(times_s):
-        expected = f"telemetry for some of {stream.videos[0]}, or another telemetry.time_offset"
+        expected = f"telemetry for some of {stream.pictures}, or another telemetry.time_offset"
         raise InputError(stream.telemetry.file, found, expected)
     text = f"{missing} of {len(times_s)} pictures have no pose and are not used"
     return [Finding("warning", "no_pose", str(stream.telemetry.file), text, found)]

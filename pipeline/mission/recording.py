@@ -18,11 +18,13 @@ from pipeline.ingest.finding import Finding
 from pipeline.ingest.joined import joined
 from pipeline.ingest.registry import read_telemetry
 from pipeline.ingest.sampling import require_rate
+from pipeline.ingest.telemetry.stills_metadata import dated_stills
 from pipeline.ingest.track import Track
 from pipeline.ingest.trajectory import Trajectory
 from pipeline.ingest.trajectory_of import Ground, trajectory_of
 from pipeline.ingest.video.metadata import created_ns
 from pipeline.ingest.video.recordings import Recordings, open_recordings
+from pipeline.ingest.video.stills import StillsSource, open_stills
 from pipeline.mission.faults import Faults
 
 
@@ -31,7 +33,7 @@ class Recording:
     """What was read of one stream. angles: the track of ``telemetry.angles``."""
 
     stream: Stream
-    video: Recordings
+    video: Recordings | StillsSource
     track: Track
     angles: Track | None
     chosen: ChosenCamera
@@ -76,7 +78,7 @@ def read_recording(path: Path, mission: Mission, stream: Stream) -> Recording:
     """Read the files of a stream. path: of the mission. Raises InputError with every independent fault."""
     faults = Faults()
     with faults.collected():
-        video = open_recordings(stream.videos, stream.start, stream.end, _threads(mission))
+        video = _source(mission, stream)
         if video.info.constant:
             where = f"{path} processing.frame_rate"
             require_rate(mission.processing.frame_rate, video.info.frame_rate, where)
@@ -94,17 +96,21 @@ def read_recording(path: Path, mission: Mission, stream: Stream) -> Recording:
             kept = Telemetry(file=own.file, format=own.format, columns=own.columns, table=own.table)
             angles = read_telemetry(kept)
     faults.raise_if_any()
-    track = joined(tracks, [offset_s for _, offset_s in video.files], stream.telemetry.file)
+    track = joined(tracks, video.offsets_s, stream.telemetry.file)
     chosen = choose_camera(stream.camera, _facts(path, stream, video, track))
     alignment = align(
-        track, stream.telemetry, video.end_s, created_ns(stream.videos[0]), stream.telemetry.file
+        track,
+        stream.telemetry,
+        video.end_s,
+        created_ns(stream.videos[0]) if stream.videos else None,
+        stream.telemetry.file,
     )
     if angles is not None and stream.telemetry.angles is not None:
         angles = on_the_videos_clock(angles, stream.telemetry.angles, track, alignment)
     return Recording(stream, video, track, angles, chosen, alignment)
 
 
-def _facts(path: Path, stream: Stream, video: Recordings, track: Track) -> PictureFacts:
+def _facts(path: Path, stream: Stream, video: Recordings | StillsSource, track: Track) -> PictureFacts:
     """What telemetry and video say of the camera. path: of the mission."""
     focal_mm = track.focal_length_35mm
     known = focal_mm is not None and bool(np.isfinite(focal_mm).any())
@@ -116,6 +122,14 @@ def _facts(path: Path, stream: Stream, video: Recordings, track: Track) -> Pictu
         None,
         float(np.nanmin(focal_mm)) if known and focal_mm is not None else 0.0,
     )
+
+
+def _source(mission: Mission, stream: Stream) -> Recordings | StillsSource:
+    if stream.stills is None:
+        return open_recordings(stream.videos, stream.start, stream.end, _threads(mission))
+    stills, _ = dated_stills(stream.stills)
+    times_s = np.array([((s.date_ns or 0) - (stills[0].date_ns or 0)) * 1e-9 for s in stills])
+    return open_stills(tuple(s.path for s in stills), times_s, stream.start, stream.end)
 
 
 def _threads(mission: Mission) -> int:

@@ -4,14 +4,20 @@ from __future__ import annotations
 
 import json
 import shutil
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
 import av
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from actors.cli import app
+from pipeline.config.mission import Telemetry
+from pipeline.ingest.registry import read_telemetry
+from pipeline.ingest.video.recordings import open_recordings
+from tests.stills import write_still
 from tests.videos import packet_places
 
 
@@ -81,3 +87,33 @@ def test_a_part_of_a_flight_can_be_used(folder: Path) -> None:
     first, second = run(folder)["streams"]
     assert first["captured"] == 30
     assert second["captured"] > 30
+
+
+def test_a_folder_of_stills_is_a_flight(folder: Path) -> None:
+    track = read_telemetry(Telemetry(file=folder / "drone-1.srt"))
+    stills = folder / "stills"
+    stills.mkdir()
+    start = datetime.fromtimestamp(track.start_time_ns // 10**9, UTC).replace(tzinfo=None)
+    source = open_recordings([folder / "drone-1.mp4"])
+    times_s = source.times_s[::10]
+    for k, (time_s, image) in enumerate(source.images_at(times_s.tolist())):
+        at = 10 * k
+        xmp = {
+            "AbsoluteAltitude": f"{track.absolute_height_m[at]:+.3f}",
+            "GimbalYawDegree": f"{np.degrees(track.yaw_rad[at]):+.4f}",
+            "GimbalPitchDegree": f"{np.degrees(track.pitch_rad[at]):+.4f}",
+            "GimbalRollDegree": "+0.00",
+        }
+        place = float(track.latitude_deg[at]), float(track.longitude_deg[at])
+        taken = start + timedelta(seconds=float(time_s))
+        write_still(stills / f"DJI_{k:04}.JPG", image, taken, *place, 0.0, xmp, offset="+00:00")
+    mission = folder / "mission.yaml"
+    lines = mission.read_text(encoding="utf-8").split("- id: drone-2")
+    begin = lines[0].index("  video: drone-1.mp4")
+    kept = lines[0][:begin] + "  stills: stills\n  camera: camera.yaml\n  site: drone-1\n"
+    mission.write_text(kept + "- id: drone-2" + lines[1], encoding="utf-8")
+    (stills / "DJI_0002.JPG").write_bytes((stills / "DJI_0002.JPG").read_bytes()[:-3000])
+    first, _ = run(folder)["streams"]
+    assert first["captured"] == len(times_s)
+    assert first["processed"] == len(times_s) - 1
+    assert first["dropped"] == {"damaged": 1}

@@ -34,7 +34,7 @@ def read_mission(path: Path, options: CocoOptions, faults: FaultLog) -> DataSet:
     for stream in mission.streams:
         boxes = path.parent / "truth" / f"boxes-{stream.id}.json"
         if boxes.is_file():
-            own = replace(options, root=stream.videos[0].parent)
+            own = replace(options, root=stream.pictures.parent)
             sets.append(_with_context(read_coco(boxes, own, faults), stream, ground))
     if not sets:
         raise InputError(

@@ -58,6 +58,11 @@ class Recordings:
         return tuple(file.info.path for file, _ in self.files)
 
     @property
+    def offsets_s(self) -> list[float]:
+        """When each file begins."""
+        return [offset_s for _, offset_s in self.files]
+
+    @property
     def times_s(self) -> FloatArray:
         """When the pictures of the used part are shown, by the files' indices."""
         times_s = np.concatenate([offset_s + file.index.times_s for file, offset_s in self.files])

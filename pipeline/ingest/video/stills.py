@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageOps
 
 from pipeline.errors import InputError
+from pipeline.ingest.finding import Finding
 from pipeline.ingest.sampling import sampled
 from pipeline.ingest.source import LostPicture, PassedPicture, Picture, SourceInfo
 from pipeline.ingest.video.recordings import even
@@ -48,6 +49,16 @@ class StillsSource:
     def paths(self) -> tuple[Path, ...]:
         """The files."""
         return self.files
+
+    @property
+    def offsets_s(self) -> list[float]:
+        """They all begin at once."""
+        return [0.0]
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What was noticed of the pictures."""
+        return ()
 
     @property
     def times_s(self) -> FloatArray:

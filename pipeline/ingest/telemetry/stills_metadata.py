@@ -1,0 +1,161 @@
+"""The metadata of a folder of stills: EXIF (CIPA DC-008) and the XMP that DJI's and Parrot's drones add."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta, timezone
+from pathlib import Path
+from typing import Any
+
+from PIL import Image
+
+from pipeline.errors import InputError
+from pipeline.ingest.samples import LeftOut, Sample, track_of
+from pipeline.ingest.track import Track
+
+ENDINGS = frozenset({".jpg", ".jpeg", ".png", ".tif", ".tiff", ".dng"})
+EXPECTED = "stills with date and position in their EXIF (JPEG, TIFF, DNG)"
+#: metadata stand before the picture
+_HEAD_BYTES = 1 << 19
+_XMP = re.compile(rb'drone-(?:dji|parrot):(\w+)(?:\s*=\s*"([^"]*)"|>([^<]*)<)')
+_FIELDS = {
+    "GpsLatitude": "latitude",
+    "GpsLongitude": "longitude",
+    "GpsLongtitude": "longitude",  # so spelt by older ones
+    "RelativeAltitude": "relative_height",
+    "AbsoluteAltitude": "absolute_height",
+    "GimbalYawDegree": "yaw",
+    "GimbalPitchDegree": "pitch",
+    "GimbalRollDegree": "roll",
+    "CameraYawDegree": "yaw",
+    "CameraPitchDegree": "pitch",
+    "CameraRollDegree": "roll",
+    "FlightYawDegree": "aircraft_yaw",
+    "FlightPitchDegree": "aircraft_pitch",
+    "FlightRollDegree": "aircraft_roll",
+    "RtkStdHgt": "height_sd",
+}
+_EXIF, _GPS = 0x8769, 0x8825
+_TAKEN, _SUBSECONDS, _OFFSET, _FOCAL_35MM, _MODEL = 0x9003, 0x9291, 0x9011, 0xA405, 0x0110
+
+
+@dataclass(frozen=True, slots=True)
+class StillTags:
+    """date_ns: when it was taken, ns since 1970; on UTC if is_utc, else on the camera's local time.
+
+    values: by the names of a Sample's fields. camera: the model's name.
+    """
+
+    path: Path
+    date_ns: int | None
+    is_utc: bool
+    values: Mapping[str, float]
+    camera: str | None
+
+
+def is_stills(path: Path, head: bytes) -> bool:
+    """Whether it is a folder."""
+    return path.is_dir()
+
+
+def read_stills(folder: Path) -> Track:
+    """One sample for each still with a date, on the clock of ``dated_stills``. Raises InputError if none is left."""
+    stills, left_out = dated_stills(folder)
+    is_utc = all(s.is_utc for s in stills)
+    start_ns = stills[0].date_ns or 0
+    samples = [Sample(s.path.name, ((s.date_ns or 0) - start_ns) * 1e-9, s.values, s.date_ns) for s in stills]
+    return track_of(
+        folder,
+        samples,
+        expected=EXPECTED,
+        clock="utc" if is_utc else "local",
+        left_out=left_out,
+        camera_name=stills[0].camera,
+    )
+
+
+def dated_stills(folder: Path) -> tuple[list[StillTags], LeftOut]:
+    """The stills that say when they were taken, in that order; what is left out.
+
+    Raises InputError for a folder without any.
+    """
+    if not folder.is_dir():
+        raise InputError(folder, "no folder", "a folder of stills")
+    files = sorted(p for p in folder.iterdir() if p.suffix.lower() in ENDINGS and p.is_file())
+    left_out, dated = LeftOut(), []
+    for tags in map(tags_of, files):
+        if tags.date_ns is None:
+            left_out.add("no_date", tags.path.name)
+        else:
+            dated.append(tags)
+    if not dated:
+        raise InputError(folder, f"no still with a date, of {len(files)}", EXPECTED)
+    return sorted(dated, key=lambda s: (s.date_ns or 0, s.path.name)), left_out
+
+
+def tags_of(path: Path) -> StillTags:
+    """What one file says; nothing if it cannot be read."""
+    try:
+        with Image.open(path) as image:
+            exif = image.getexif()
+            own, gps = exif.get_ifd(_EXIF), exif.get_ifd(_GPS)
+            model = exif.get(_MODEL)
+        with path.open("rb") as file:
+            head = file.read(_HEAD_BYTES)
+    except (OSError, ValueError, SyntaxError, EOFError, Image.DecompressionBombError):
+        return StillTags(path, None, False, {}, None)
+    date_ns, is_utc = _date(own)
+    focal = _number(own.get(_FOCAL_35MM))
+    values = _position(gps) | ({"focal_length_35mm": focal} if focal else {}) | _of_xmp(head)
+    camera = str(model).strip("\0 ") if model else None
+    return StillTags(path, date_ns, is_utc, values, camera)
+
+
+def _date(tags: Mapping[int, Any]) -> tuple[int | None, bool]:
+    try:
+        moment = datetime.strptime(str(tags.get(_TAKEN)).strip("\0 "), "%Y:%m:%d %H:%M:%S")
+    except ValueError:
+        return None, False
+    digits = re.match(r"\d+", str(tags.get(_SUBSECONDS, "")).strip())
+    part_s = float(f"0.{digits.group()}") if digits else 0.0
+    offset = re.fullmatch(r"([+-])(\d\d):(\d\d)", str(tags.get(_OFFSET, "")).strip("\0 "))
+    zone: timezone = UTC
+    if offset:
+        minutes = int(offset[2]) * 60 + int(offset[3])
+        zone = timezone(timedelta(minutes=-minutes if offset[1] == "-" else minutes))
+    whole_s = round(moment.replace(tzinfo=zone).timestamp())
+    return whole_s * 1_000_000_000 + round(part_s * 1e9), offset is not None
+
+
+def _position(gps: Mapping[int, Any]) -> dict[str, float]:
+    values = {}
+    for name, sign_tag, tag, negative in (("latitude", 1, 2, "S"), ("longitude", 3, 4, "W")):
+        parts = gps.get(tag)
+        numbers = [_number(p) for p in parts] if isinstance(parts, tuple) else []
+        if len(numbers) == 3 and all(n is not None for n in numbers):
+            degrees = sum((n or 0.0) / 60.0**k for k, n in enumerate(numbers))
+            values[name] = -degrees if str(gps.get(sign_tag, "")).startswith(negative) else degrees
+    height = _number(gps.get(6))
+    if height is not None:
+        below = gps.get(5) in (1, b"\x01")
+        values["absolute_height"] = -height if below else height
+    return values
+
+
+def _of_xmp(head: bytes) -> dict[str, float]:
+    tags = {m[1].decode(): (m[2] or m[3] or b"").decode("ascii", "replace") for m in _XMP.finditer(head)}
+    values = {
+        field: number for tag, field in _FIELDS.items() if (number := _number(tags.get(tag))) is not None
+    }
+    sides = [n for tag in ("RtkStdLon", "RtkStdLat") if (n := _number(tags.get(tag))) is not None]
+    return values | ({"horizontal_sd": max(sides)} if sides else {})
+
+
+def _number(value: Any) -> float | None:
+    try:
+        number = float(value)
+    except (TypeError, ValueError, ZeroDivisionError):
+        return None
+    return number if abs(number) < 1e9 else None
