@@ -182,18 +182,16 @@ def first_reader(folder: Path, commit: str) -> Path:
 
 
 def long_mission(folder: Path, path: Path, seconds: int) -> Path:
-    """The demo over a long 4K video for both drones, whose telemetry hovers."""
+    """The demo with one long 4K video for both drones; as often as the clip, its telemetry begins anew."""
+    with av.open(str(path)) as container:
+        clip_seconds = container.streams.video[0].frames // RATE
     shutil.copytree(DEMO, folder, dirs_exist_ok=True)
     repeated(path, folder / "drone-1.mp4", seconds)
     shutil.copyfile(folder / "drone-1.mp4", folder / "drone-2.mp4")
-    for name in ("drone-1", "drone-2"):
-        first = (DEMO / f"{name}.srt").read_text(encoding="utf-8").split("\n\n")[0].splitlines()
-        cues = (
-            f"{k + 1}\n{_clock(k / RATE)} --> {_clock((k + 1) / RATE)}\n" + "\n".join(first[2:])
-            for k in range(seconds * RATE)
-        )
-        moving = (cue.replace("09:30:00,000,000", _date(k / RATE)) for k, cue in enumerate(cues))
-        (folder / f"{name}.srt").write_text("\n\n".join(moving) + "\n", encoding="utf-8")
+    cues = (DEMO / "drone-1.srt").read_text(encoding="utf-8").split("\n\n")[: clip_seconds * RATE]
+    moved = (_cue(cues[k % len(cues)], k) for k in range(seconds * RATE))
+    (folder / "drone-1.srt").write_text("\n\n".join(moved) + "\n", encoding="utf-8")
+    shutil.copyfile(folder / "drone-1.srt", folder / "drone-2.srt")
     camera = yaml.safe_load((DEMO / "camera.yaml").read_text(encoding="utf-8"))
     scale = SIZE[0] / camera["width"]
     camera |= {key: camera[key] * scale for key in ("fx", "fy", "cx", "cy")}
@@ -229,6 +227,14 @@ def _demo_frames(count: int) -> Iterator[av.VideoFrame]:
             if index == count:
                 return
             yield frame
+
+
+def _cue(cue: str, index: int) -> str:
+    """A cue of the demo as the one of a later picture."""
+    _, _, *text = cue.strip().splitlines()
+    date = f"2026-06-14 {_date(index / RATE)}"
+    lines = [date if line.startswith("2026-") else line for line in text]
+    return "\n".join([str(index + 1), f"{_clock(index / RATE)} --> {_clock((index + 1) / RATE)}", *lines])
 
 
 def _clock(time_s: float) -> str:
