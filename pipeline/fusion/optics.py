@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 
 from pipeline.config.mission import Fusion
 from pipeline.geo.camera import Camera
@@ -32,11 +31,15 @@ class OpticsByFocalLength:
     def __init__(self, camera: Camera, params: Fusion) -> None:
         self._camera, self._params = camera, params
         self._usual = Optics(camera, params)
-        self._zoomed = lru_cache(maxsize=_KEPT)(self._at)
+        # a plain record, since the map goes from one process to another with all that belongs to it
+        self._zoomed: dict[float, Optics] = {}
 
     def at(self, focal_scale: float) -> Optics:
         """focal_scale: focal length over that of the camera."""
-        return self._usual if focal_scale == 1.0 else self._zoomed(focal_scale)
-
-    def _at(self, focal_scale: float) -> Optics:
-        return Optics(self._camera.zoomed(focal_scale), self._params)
+        if focal_scale == 1.0:
+            return self._usual
+        if focal_scale not in self._zoomed:
+            while len(self._zoomed) >= _KEPT:
+                del self._zoomed[next(iter(self._zoomed))]
+            self._zoomed[focal_scale] = Optics(self._camera.zoomed(focal_scale), self._params)
+        return self._zoomed[focal_scale]
