@@ -61,13 +61,13 @@ def init_mission(folder: Path, progress: Progress) -> InitResult:
         if (folder / name).exists():
             raise InputError(folder / name, "a file that is there already", "none: remove it to begin anew")
     contents = contents_of(folder)
-    if not contents.videos and not contents.stills:
-        raise InputError(folder, "no video and no folder of stills", "what a drone has filmed")
+    if not contents.videos:
+        raise InputError(folder, "no video", "what a drone has filmed")
     text = mission_text(draft_of(folder, contents), folder)
     write_measured_pool(folder / "pool.yaml", _first_picture(contents), progress)
     write_text(folder / "inventory.yaml", yaml.safe_dump(inventory_document(SITE), sort_keys=False))
     write_text(folder / "mission.yaml", text)
-    count = len(contents.videos) + len(contents.stills)
+    count = len(contents.videos)
     return InitResult(folder / "mission.yaml", count, tuple(fields_to_fill(text)), contents.unused)
 
 
@@ -98,9 +98,7 @@ def draft_of(folder: Path, contents: Contents) -> MissionDraft:
         videos = [contents.videos[k] for k in row]
         name = stream_name(videos[0].path, [s.id for s in streams])
         streams.append(_stream(name, videos, [pairs[k] for k in row], contents, ground))
-    for stills in contents.stills:
-        name = stream_name(stills, [s.id for s in streams])
-        streams.append(StreamDraft(id=name, stills=stills))
+    unused |= dict.fromkeys(contents.stills, "a folder of stills, which are not read yet")
     area = contents.areas[0] if contents.areas else None
     return MissionDraft(folder.resolve().name, tuple(streams), tuple(m.path for m in near), area, unused)
 
