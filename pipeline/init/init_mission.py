@@ -98,7 +98,9 @@ def draft_of(folder: Path, contents: Contents) -> MissionDraft:
         videos = [contents.videos[k] for k in row]
         name = stream_name(videos[0].path, [s.id for s in streams])
         streams.append(_stream(name, videos, [pairs[k] for k in row], contents, ground))
-    unused |= dict.fromkeys(contents.stills, "a folder of stills, which are not read yet")
+    unused |= dict.fromkeys(
+        contents.stills, "a folder of stills: init does not write it yet, a stream takes it as stills: FOLDER"
+    )
     area = contents.areas[0] if contents.areas else None
     return MissionDraft(folder.resolve().name, tuple(streams), tuple(m.path for m in near), area, unused)
 

@@ -130,7 +130,7 @@ BAD = {
     "no detector": (
         lambda _: None,
         {"detectors": [{"id": "a", "model": str(ROOT / "tests/data/identity.onnx")}]},
-        "an unknown layout",
+        "no input that can be a picture",
     ),
     "other aspect": (
         lambda _: None,

@@ -81,7 +81,9 @@ def test_the_mission_and_the_camera_can_be_loaded(scenario, mission):
         mission / "drone-1.mp4",
         mission / "truth/people.geojson",
     )
-    assert load_camera(loaded.streams[0].camera).fx == 140.0
+    camera = loaded.streams[0].camera.file
+    assert camera is not None
+    assert load_camera(camera).fx == 140.0
 
 
 def test_the_video_has_a_frame_for_each_cue(mission):
