@@ -52,6 +52,8 @@ def load_search_area(path: Path, frame: LocalFrame) -> SearchArea:
     )
     if not polygons:
         raise InputError(path, "no polygon", _EXPECTED)
+    if not all(polygons):
+        raise InputError(path, "a polygon without a ring", _EXPECTED)
     return SearchArea(tuple(tuple(_ring(path, ring, frame) for ring in rings) for rings in polygons))
 
 

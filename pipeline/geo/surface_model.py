@@ -47,6 +47,8 @@ LOWEST_M, HIGHEST_M = -600.0, 9200.0
 #: zeros at the border are no sea if the ground beside them stands so high, metres, for the most part
 _CLIFF_M = 10.0
 _EXPECTED = "a GeoTIFF surface model: one band of heights, with a CRS and its place"
+#: values that stand for unknown in so many files that they are no heights, tagged or not
+_SENTINELS = (-9999.0, -32768.0, -32767.0, -99999.0)
 #: cells of a source that are read at a time
 _MOST_CELLS = 24_000_000
 _OVERVIEW = 512
@@ -248,7 +250,8 @@ def _overview(source: rasterio.DatasetReader, nodata: float | None) -> NDArray[n
 
 
 def _note_impossible(heights: NDArray[np.float64], values: NDArray[np.float64], notes: list[str]) -> None:
-    outside = np.isfinite(heights) & ((heights < LOWEST_M) | (heights > HIGHEST_M))
+    impossible = (heights < LOWEST_M) | (heights > HIGHEST_M) | np.isin(values, _SENTINELS)
+    outside = np.isfinite(heights) & impossible
     if outside.any():
         usual = np.unique(values[outside])[:3].tolist()
         notes.append(
@@ -277,6 +280,8 @@ def _heights(model: SurfaceModel, values: NDArray[np.generic]) -> Heights:
         unknown |= values == np.asarray(model.nodata).astype(values.dtype, copy=False)
     if model.zero_is_unknown:
         unknown |= values == 0
+    # before scale and unit, or -9999 cm would be ground at -100 m
+    unknown |= np.isin(values, _SENTINELS)
     heights[unknown] = np.nan
     return np.asarray(heights, dtype=np.float32)
 

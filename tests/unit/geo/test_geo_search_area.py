@@ -96,6 +96,7 @@ def test_the_antimeridian_runs_through_an_area(tmp_path: Path) -> None:
         ('{"type": "FeatureCollection", "features": []}', "no polygon"),
         ('{"type": "Point", "coordinates": [8, 47]}', "no polygon"),
         ('{"type": "Polygon", "coordinates": [[[500, 0], [1, 1], [2, 2], [500, 0]]]}', "a ring"),
+        ('{"type": "Polygon", "coordinates": []}', "a polygon without a ring"),
         ('{"type": "Polygon", "coordinates": [[[1, 0]]]}', "a ring"),
         ('{"type": "Polygon", "coordinates": [[["x", 0], [1, 1], [2, 2]]]}', "a ring"),
         (json.dumps(POLYGON | {"crs": {"properties": {"name": "EPSG:32632"}}}), "crs: found EPSG:32632"),

@@ -144,6 +144,22 @@ def test_what_is_no_height_is_unknown_though_no_tag_says_so(tmp_path: Path, valu
     assert np.isnan(value) or any("no heights" in note for note in model.notes)
 
 
+@pytest.mark.parametrize("given", [{"units": "cm"}, {"scales": 0.01}, {"scales": 0.01, "offsets": 50.0}])
+@pytest.mark.parametrize("value", [-9999, -32768])
+def test_a_sentinel_is_no_height_whatever_scale_or_unit_the_band_has(
+    tmp_path: Path, value: int, given: dict[str, Any]
+) -> None:
+    def spoil(heights: NDArray[np.float64]) -> NDArray[Any]:
+        values = np.round((heights - given.get("offsets", 0.0)) / 0.01).astype(np.int16)
+        values[50:60, 50:60] = value
+        return values
+
+    terrain, model = load(made(tmp_path / "dsm.tif", spoil, **given))
+    assert np.isnan(terrain.heights_m[tuple(terrain.cells(np.array([[-5.0, 5.0]]))[0])])
+    assert np.nanmin(terrain.heights_m) > 80.0
+    assert any("no heights" in note for note in model.notes)
+
+
 @pytest.mark.parametrize("nodata", [-9999.0, 0.0, 95.0])
 def test_a_nodata_value_is_honoured_whatever_it_is(tmp_path: Path, nodata: float) -> None:
     def spoil(heights: NDArray[np.float64]) -> NDArray[Any]:
