@@ -25,7 +25,7 @@ from pipeline.messages import FloatArray
 class MotionCheckParams:
     """noise_px, noise_share: of a displacement: what terrain, compression and matching add (one deviation).
 
-    most_misfit: of telemetry that is right, see ``misfit``; derived from clean flights, see docs/checks.md. alike:
+    most_misfit: of telemetry that is right, see ``misfit``; a judgement, its grounds are in docs/checks.md. alike:
     kinds whose misfits differ by no more than this factor cannot be told apart. least_motion_px: of the median patch;
     with less there is nothing to compare. least_patches: that must be found again.
     """
