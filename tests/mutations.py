@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import random
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 SCRAPS = (
     b"\0",
@@ -43,3 +46,19 @@ def mutated(data: bytes, chance: random.Random) -> bytes:
             chance.shuffle(lines)
             result = bytearray(b"\n".join(lines))
     return bytes(result)
+
+
+class Longest:
+    """The longest of many readings, seconds of the processor (not of the clock: other tests run beside it)."""
+
+    def __init__(self, most_s: float) -> None:
+        self.most_s, self.seconds = most_s, 0.0
+
+    @contextmanager
+    def of(self, name: object) -> Iterator[None]:
+        """Time what happens inside; fail, with the name, if it took longer than the most."""
+        started = time.process_time()
+        yield
+        took_s = time.process_time() - started
+        self.seconds = max(self.seconds, took_s)
+        assert took_s < self.most_s, f"{name}: {took_s:.1f} s"

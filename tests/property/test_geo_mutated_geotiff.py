@@ -1,6 +1,5 @@
 """A damaged surface model is read or refused in one line: no traceback, no crash, no long wait, no great memory."""
 
-import time
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +10,7 @@ from rasterio.transform import from_origin
 from pipeline.errors import InputError
 from pipeline.geo.surface_model import inspect
 from pipeline.geo.terrain import frame_of, load_terrain
+from tests.mutations import Longest
 
 SEED, MOST_S = 20_261_127, 2.0
 
@@ -49,19 +49,19 @@ def mutated(data: bytes, rng: np.random.Generator) -> bytes:
 
 def read_all(folder: Path, count: int, first: int) -> tuple[int, int]:
     kinds = [good(folder / "good.tif", c, t) for c in (None, "deflate", "lzw") for t in ("float32", "int16")]
-    path, read, refused = folder / "dsm.tif", 0, 0
+    path, read, refused, longest = folder / "dsm.tif", 0, 0, Longest(MOST_S)
     for number in range(first, first + count):
         rng = np.random.default_rng([SEED, number])
         path.write_bytes(mutated(kinds[number % len(kinds)], rng))
-        started = time.perf_counter()
-        try:
-            terrain = load_terrain([inspect(path)], 1.0, frame_of(path), (-50.0, -50.0, 50.0, 50.0))
-        except InputError as error:
-            refused += str(error).count("\n") == 0
-        else:
-            assert np.nanmax(np.abs(terrain.heights_m)) < 10_000.0
-            read += 1
-        assert time.perf_counter() - started < MOST_S, number
+        with longest.of(number):
+            try:
+                terrain = load_terrain([inspect(path)], 1.0, frame_of(path), (-50.0, -50.0, 50.0, 50.0))
+            except InputError as error:
+                refused += str(error).count("\n") == 0
+            else:
+                assert np.nanmax(np.abs(terrain.heights_m)) < 10_000.0
+                read += 1
+    print(f"{read} read, {refused} refused, longest {longest.seconds:.2f} s")
     return read, refused
 
 

@@ -1,6 +1,5 @@
 """Whatever happens to subtitles on their way: a flight or one line, never a traceback, never a long wait."""
 
-import time
 from collections import Counter
 from pathlib import Path
 
@@ -13,6 +12,7 @@ from pipeline.geo.frame import LocalFrame
 from pipeline.ingest.registry import read_telemetry
 from pipeline.ingest.trajectory_of import Ground, trajectory_of
 from tests.dialects import demo, dji_subtitles, video_text_track
+from tests.mutations import Longest
 
 SEED = 20_261_127
 MOST_S = 2.0
@@ -96,7 +96,6 @@ def outcome(path: Path) -> str:
     telemetry = Telemetry.model_validate(
         {"file": path, "height": "relative", "gimbal": {"pitch": {"degrees": -45}, "yaw": "course"}}
     )
-    started = time.perf_counter()
     try:
         track = read_telemetry(telemetry)
         assert (np.diff(track.times_s) > 0).all()
@@ -105,23 +104,23 @@ def outcome(path: Path) -> str:
         for time_s in (0.0, 1.5, 20.0, 1e6):
             pose = trajectory.pose(time_s)
             assert pose is None or np.isfinite(pose.position_enu).all()
-        result = "read"
     except InputError as error:
-        result = "refused" if str(error).count("\n") == 0 else "more than a line"
-    assert time.perf_counter() - started < MOST_S, f"{path} took too long"
-    return result
+        return "refused" if str(error).count("\n") == 0 else "more than a line"
+    return "read"
 
 
 def outcomes(folder: Path, count: int, first: int) -> Counter[str]:
-    path, seen = folder / "drone.srt", Counter[str]()
+    path, seen, longest = folder / "drone.srt", Counter[str](), Longest(MOST_S)
     for number in range(first, first + count):
         rng = np.random.default_rng([SEED, number])
         a_file(path, rng)
         path.write_bytes(mutated(bytearray(path.read_bytes()), rng))
         try:
-            seen[outcome(path)] += 1
+            with longest.of(number):
+                seen[outcome(path)] += 1
         except Exception as error:
             raise AssertionError(f"file {number}: {error!r}") from error
+    print(dict(seen), f"longest {longest.seconds:.2f} s")
     return seen
 
 
@@ -136,7 +135,6 @@ def test_a_mutated_file_is_read_or_refused_in_one_line(tmp_path: Path) -> None:
 @pytest.mark.timeout(1200)
 def test_ten_thousand_mutated_files(tmp_path: Path) -> None:
     seen = outcomes(tmp_path, 10_000, first=1000)
-    print(dict(seen))
     assert seen["read"] + seen["refused"] == 10_000
 
 
