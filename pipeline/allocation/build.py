@@ -13,8 +13,8 @@ from pipeline.allocation.levels import Level, accuracies_of, levels_of, stream_a
 from pipeline.allocation.problem import Deadline, Detector, MachineLimit, Problem
 from pipeline.allocation.sharing import sharing_modes
 from pipeline.config.inventory import Inventory
-from pipeline.config.mission import Processing
 from pipeline.config.pool import Pool, PoolDetector
+from pipeline.config.processing import Processing
 from pipeline.errors import InputError
 from pipeline.sensor.setup import Setup, setup_of
 

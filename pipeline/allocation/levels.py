@@ -15,8 +15,8 @@ from typing import Literal
 
 import numpy as np
 
-from pipeline.config.mission import Processing
 from pipeline.config.pool import AccuracyAt, Pool, PoolDetector
+from pipeline.config.processing import Processing
 from pipeline.errors import InputError
 from pipeline.link.codec import Codec
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline.config.mission import Processing
 from pipeline.config.pool import PoolDetector
+from pipeline.config.processing import Processing
 from pipeline.errors import InputError
 
 

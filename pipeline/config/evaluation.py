@@ -8,8 +8,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from pipeline.config.base import Strict, load, mismatch, refuse_repeated
-from pipeline.config.mission import Fraction
-from pipeline.config.units import Bitrate, Hertz, PositiveSeconds
+from pipeline.config.units import Bitrate, Fraction, Hertz, PositiveSeconds
 from pipeline.link.codec import Codec
 
 Policy = Literal["refuse", "skip"]

@@ -7,7 +7,7 @@ from pathlib import Path
 from pydantic import Field, model_validator
 
 from pipeline.config.base import Strict, load, mismatch, refuse_repeated
-from pipeline.config.mission import Processing
+from pipeline.config.processing import Processing
 from pipeline.config.units import PositiveMeters, Radians
 
 

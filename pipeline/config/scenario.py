@@ -11,7 +11,8 @@ from pydantic import Field, field_validator, model_validator
 
 from pipeline.config.base import Strict, load, mismatch
 from pipeline.config.camera import Calibration
-from pipeline.config.mission import Fusion, Processing
+from pipeline.config.fusion import Fusion
+from pipeline.config.processing import Processing
 from pipeline.config.units import (
     BitsPerSecond,
     Hertz,

@@ -70,4 +70,5 @@ NonNegativeRadians = Annotated[float, BeforeValidator(_quantity(_RADIANS, 0.0, m
 Millimeters = Annotated[float, BeforeValidator(_quantity(_MILLIMETERS, 1.0, 1e4))]
 NonNegativePixels = Annotated[float, BeforeValidator(_quantity(_PIXELS, 0.0, _MOST))]
 Bytes = Annotated[float, BeforeValidator(_quantity(_BYTES, 0.0, 1e15))]
+Fraction = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
 MetersPerSecond = Annotated[float, BeforeValidator(_quantity(_MPS, 0.0, 1e4))]

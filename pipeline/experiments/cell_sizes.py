@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from pipeline.config.mission import Uncertainty
+from pipeline.config.uncertainty import Uncertainty
 from pipeline.experiments.detection_cache import Progress, detections_of
 from pipeline.experiments.experiment_report import Experiment, Measure
 from pipeline.experiments.pose_errors import PAPERS_FLIGHT, STATED, mission_with_pose_errors

@@ -10,8 +10,8 @@ from pipeline.allocation.build import build_problem
 from pipeline.allocation.literal import number_of_constraints, number_of_variables
 from pipeline.allocation.problem import Problem
 from pipeline.config.inventory import Inventory, Link, load_inventory
-from pipeline.config.mission import Processing
 from pipeline.config.pool import Pool, load_pool
+from pipeline.config.processing import Processing
 from pipeline.experiments.paper_tables import Cell
 
 #: B_20; what a link of 1 Mbps cannot carry is left out, which makes B_6

@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 import yaml
 
-from pipeline.config.mission import Stream, Uncertainty
+from pipeline.config.mission import Stream
 from pipeline.config.scenario import PoseNoise
+from pipeline.config.uncertainty import Uncertainty
 from pipeline.geo.frame import LocalFrame
 from pipeline.ingest.registry import read_telemetry
 from pipeline.ingest.track import Track

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline.config.mission import Fusion
+from pipeline.config.fusion import Fusion
 from pipeline.errors import InputError
 from pipeline.fusion.fuser import Fuser
 from pipeline.fusion.salient import SalientLocation, salient_locations

@@ -27,7 +27,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.config.mission import Uncertainty
+from pipeline.config.uncertainty import Uncertainty
 from pipeline.fusion.localization import GROUND_STD_M, RAYS_STD_M, Fix, solve
 from pipeline.fusion.look import Look
 from pipeline.messages import FloatArray

@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.config.mission import Fusion
+from pipeline.config.fusion import Fusion
 from pipeline.errors import InputError
 from pipeline.fusion.look import Look
 from pipeline.fusion.optics import Optics, OpticsByFocalLength

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from pipeline.config.mission import Fusion
+from pipeline.config.fusion import Fusion
 from pipeline.geo.camera import Camera
 from pipeline.sensor.model import SensorModel
 

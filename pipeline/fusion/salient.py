@@ -12,7 +12,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from pipeline.config.mission import Fusion, Uncertainty
+from pipeline.config.fusion import Fusion
+from pipeline.config.uncertainty import Uncertainty
 from pipeline.fusion.error_ellipse import ErrorEllipse, ellipse_of
 from pipeline.fusion.error_propagation import place_covariance
 from pipeline.fusion.localization import locate, mean_intersection, weights

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.config.mission import Angles, Telemetry
+from pipeline.config.telemetry import Angles, Telemetry
 from pipeline.errors import InputError
 from pipeline.ingest.track import Track
 from pipeline.messages import FloatArray

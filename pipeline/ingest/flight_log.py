@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from pipeline.config.mission import Datum
+from pipeline.config.terrain import Datum
 from pipeline.ingest.attitude import Attitudes
 from pipeline.ingest.samples import LeftOut, Sample, track_of
 from pipeline.ingest.satellite_fix import FIX_3D, height_sd_m, horizontal_sd_m

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.config.mission import Datum
-from pipeline.config.mission import Terrain as TerrainSection
+from pipeline.config.terrain import Datum
+from pipeline.config.terrain import Terrain as TerrainSection
 from pipeline.errors import InputError
 from pipeline.geo.frame import LocalFrame
 from pipeline.geo.geoid import undulation_m

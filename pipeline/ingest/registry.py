@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline.config.mission import Telemetry
+from pipeline.config.telemetry import Telemetry
 from pipeline.errors import InputError
 from pipeline.ingest.telemetry.airdata_csv import is_airdata_csv, read_airdata_csv
 from pipeline.ingest.telemetry.ardupilot_bin import is_ardupilot_bin, read_ardupilot_bin

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pipeline.config.mission import Telemetry
+from pipeline.config.telemetry import Telemetry
 from pipeline.ingest.finding import Finding
 from pipeline.ingest.track import Track
 from pipeline.ingest.trajectory import Trajectory, widened

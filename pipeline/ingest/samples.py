@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.config.mission import Datum
+from pipeline.config.terrain import Datum
 from pipeline.errors import InputError
 from pipeline.ingest.increasing import longest_increasing
 from pipeline.ingest.track import Clock, Track

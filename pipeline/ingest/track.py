@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-from pipeline.config.mission import Datum
+from pipeline.config.terrain import Datum
 from pipeline.messages import FloatArray
 
 #: what a file's dates are: UTC, the local time of an unknown zone, or absent

@@ -9,7 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.config.mission import Datum, FixedGimbal, Telemetry, Uncertainty
+from pipeline.config.telemetry import FixedGimbal, Telemetry
+from pipeline.config.terrain import Datum
+from pipeline.config.uncertainty import Uncertainty
 from pipeline.errors import InputError
 from pipeline.geo.frame import LocalFrame
 from pipeline.ingest.attitude import camera_on_aircraft

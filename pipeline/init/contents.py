@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.config.camera import load_camera
-from pipeline.config.mission import Telemetry
+from pipeline.config.telemetry import Telemetry
 from pipeline.errors import InputError
 from pipeline.geo.camera import Camera
 from pipeline.geo.surface_model import SurfaceModel, inspect

@@ -13,7 +13,7 @@ import numpy as np
 import yaml
 
 from pipeline.config.base import FORMAT_VERSION
-from pipeline.config.mission import Datum
+from pipeline.config.terrain import Datum
 from pipeline.geo.frame import LocalFrame
 from pipeline.geo.surface_model import SurfaceModel, bounds_m
 from pipeline.ingest.ground import window_about

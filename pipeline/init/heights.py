@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from pipeline.config.mission import Datum
+from pipeline.config.terrain import Datum
 from pipeline.ingest.track import Track
 
 #: the take-off place may be a little away from the first sample, and barometers drift

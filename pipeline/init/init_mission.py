@@ -11,7 +11,8 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from pipeline.config.mission import Datum, Telemetry
+from pipeline.config.telemetry import Telemetry
+from pipeline.config.terrain import Datum
 from pipeline.errors import InputError
 from pipeline.geo.frame import LocalFrame
 from pipeline.geo.geoid import undulation_m

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pipeline.config.mission import Table
+from pipeline.config.telemetry import Table
 from pipeline.errors import InputError
 from pipeline.ingest.tables.delimited import read_table
 from pipeline.ingest.text import read_text

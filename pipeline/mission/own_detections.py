@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pipeline.config.mission import ObjectClass
+from pipeline.config.fusion import ObjectClass
 from pipeline.config.pool import Calibration
 from pipeline.errors import InputError
 from pipeline.geo.camera import Camera

@@ -8,7 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.config.mission import Mission, Stream, Telemetry, Uncertainty
+from pipeline.config.mission import Mission, Stream
+from pipeline.config.telemetry import Telemetry
+from pipeline.config.uncertainty import Uncertainty
 from pipeline.geo.camera import Camera
 from pipeline.geo.frame import LocalFrame
 from pipeline.ingest.cameras.calibration_file import read_calibration

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.config.mission import SecondLook
+from pipeline.config.second_look import SecondLook
 from pipeline.geo.frame import LocalFrame
 from pipeline.messages import FloatArray
 from pipeline.second_look.areas import SecondLookArea

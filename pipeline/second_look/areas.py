@@ -17,7 +17,8 @@ import rasterio.features
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from pipeline.config.mission import Fusion, SecondLook
+from pipeline.config.fusion import Fusion
+from pipeline.config.second_look import SecondLook
 from pipeline.fusion.voxel_map import VoxelMap
 from pipeline.messages import FloatArray
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.config.mission import SecondLook
+from pipeline.config.second_look import SecondLook
 from pipeline.geo.camera import Camera
 from pipeline.geo.terrain import Terrain
 from pipeline.messages import FloatArray

@@ -12,7 +12,7 @@ import rasterio.features
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
-from pipeline.config.mission import Fusion
+from pipeline.config.fusion import Fusion
 from pipeline.fusion.voxel_map import VoxelMap
 from pipeline.geo.camera import Camera
 from pipeline.geo.search_area import load_search_area

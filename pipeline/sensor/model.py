@@ -17,7 +17,7 @@ import math
 
 import numpy as np
 
-from pipeline.config.mission import PERSON_HEIGHT_M, Fusion, ObjectClass
+from pipeline.config.fusion import PERSON_HEIGHT_M, Fusion, ObjectClass
 from pipeline.geo.camera import Camera
 from pipeline.messages import FloatArray
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from pipeline.config.base import Strict
-from pipeline.config.mission import Fraction
+from pipeline.config.units import Fraction
 from pipeline.detection.resize import resize
 from pipeline.messages import FloatArray
 from pipeline.training.pictures import PictureSet

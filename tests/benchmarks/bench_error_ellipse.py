@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.config.mission import Fusion
+from pipeline.config.fusion import Fusion
 from pipeline.fusion.fuser import Fuser
 from pipeline.fusion.salient import salient_locations
 from pipeline.geo.camera import Camera

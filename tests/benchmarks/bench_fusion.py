@@ -16,7 +16,7 @@ from importlib.util import find_spec
 import numpy as np
 from ray_casting import cells_hit
 
-from pipeline.config.mission import Fusion
+from pipeline.config.fusion import Fusion
 from pipeline.fusion.fuser import Fuser
 from pipeline.fusion.visibility import visible_cells
 from pipeline.fusion.voxel_map import VoxelMap

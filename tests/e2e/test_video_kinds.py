@@ -14,7 +14,7 @@ import pytest
 from typer.testing import CliRunner
 
 from actors.cli import app
-from pipeline.config.mission import Telemetry
+from pipeline.config.telemetry import Telemetry
 from pipeline.ingest.registry import read_telemetry
 from pipeline.ingest.video.recordings import open_recordings
 from tests.stills import write_still

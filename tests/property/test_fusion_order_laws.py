@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.config.mission import Fusion
+from pipeline.config.fusion import Fusion
 from pipeline.fusion.fuser import Fuser
 from pipeline.fusion.map_file import map_records
 from pipeline.fusion.sequencer import Sequencer

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.config.mission import Column, Telemetry
+from pipeline.config.telemetry import Column, Telemetry
 from pipeline.errors import InputError
 from pipeline.ingest.increasing import longest_increasing
 from pipeline.ingest.registry import read_telemetry

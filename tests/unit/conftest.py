@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.config.mission import Fusion
+from pipeline.config.fusion import Fusion
 from pipeline.geo.camera import Camera
 from pipeline.geo.frame import LocalFrame
 from pipeline.geo.terrain import Terrain

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from pipeline.config.mission import Telemetry
+from pipeline.config.telemetry import Telemetry
 from pipeline.geo.camera import Camera
 from pipeline.geo.pose import enu_from_camera
 from pipeline.geo.terrain import Terrain

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pipeline.config.mission import Column
+from pipeline.config.telemetry import Column
 from pipeline.errors import InputError
 from pipeline.ingest.tables.cells import degrees, flags, nmea_degrees, numbers
 from pipeline.ingest.tables.delimited import DelimitedTable

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from pipeline.config.mission import Table as Layout
+from pipeline.config.telemetry import Table as Layout
 from pipeline.errors import InputError
 from pipeline.ingest.samples import LeftOut
 from pipeline.ingest.tables.units import is_unit

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 
-from pipeline.config.mission import Column
+from pipeline.config.telemetry import Column
 from pipeline.ingest.tables.delimited import DelimitedTable
 from pipeline.ingest.tables.units import split_unit
 from pipeline.ingest.text import decoded

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.config.mission import Column
+from pipeline.config.telemetry import Column
 from pipeline.errors import InputError
 from pipeline.ingest.tables.cells import numbers
 from pipeline.ingest.tables.dates import Moment, is_month_first, moment, parse_utc_offset

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.config.mission import Column
+from pipeline.config.telemetry import Column
 from pipeline.errors import InputError
 from pipeline.ingest.tables.cells import numbers
 from pipeline.ingest.tables.delimited import DelimitedTable

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.config.mission import Column, Datum
+from pipeline.config.telemetry import Column
+from pipeline.config.terrain import Datum
 from pipeline.ingest.samples import FIELDS, Sample, track_of
 from pipeline.ingest.tables.columns import TableColumns, read_columns
 from pipeline.ingest.tables.delimited import DelimitedTable, Row

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pipeline.config.mission import Telemetry
+from pipeline.config.telemetry import Telemetry
 from pipeline.ingest.tables.delimited import read_table
 from pipeline.ingest.tables.known_names import columns_by_names, head_names
 from pipeline.ingest.tables.track import track_of_table

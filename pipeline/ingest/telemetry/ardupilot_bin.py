@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.config.mission import Telemetry
+from pipeline.config.telemetry import Telemetry
 from pipeline.errors import InputError
 from pipeline.ingest.attitude import Attitudes
 from pipeline.ingest.flight_log import Fixes, FlightLog, times_of_utc, track_of_log

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pipeline.config.mission import Telemetry
+from pipeline.config.telemetry import Telemetry
 from pipeline.errors import InputError
 from pipeline.ingest.tables.delimited import DelimitedTable, read_table
 from pipeline.ingest.tables.known_names import columns_by_names

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pipeline.config.mission import Column, Telemetry
+from pipeline.config.telemetry import Column, Telemetry
 from pipeline.ingest.tables.delimited import DelimitedTable, read_table
 from pipeline.ingest.tables.known_names import columns_by_names, head_names
 from pipeline.ingest.tables.track import track_of_table

@@ -15,7 +15,8 @@ from pathlib import Path
 import av
 import numpy as np
 
-from pipeline.config.mission import Datum, Telemetry
+from pipeline.config.telemetry import Telemetry
+from pipeline.config.terrain import Datum
 from pipeline.errors import InputError
 from pipeline.ingest.samples import LeftOut, Sample, track_of
 from pipeline.ingest.satellite_fix import height_sd_m, horizontal_sd_m

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.config.mission import Column, Telemetry
+from pipeline.config.telemetry import Column, Telemetry
 from pipeline.ingest.tables.cells import numbers
 from pipeline.ingest.tables.delimited import DelimitedTable, read_table
 from pipeline.ingest.tables.known_names import columns_by_names, head_names

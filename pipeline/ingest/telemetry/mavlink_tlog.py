@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.config.mission import Telemetry
+from pipeline.config.telemetry import Telemetry
 from pipeline.errors import InputError
 from pipeline.ingest.attitude import Attitudes
 from pipeline.ingest.flight_log import Fixes, FlightLog, columns_of, times_of_utc, track_of_log

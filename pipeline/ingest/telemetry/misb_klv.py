@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.config.mission import Datum, Telemetry
+from pipeline.config.telemetry import Telemetry
+from pipeline.config.terrain import Datum
 from pipeline.errors import InputError
 from pipeline.ingest.attitude import camera_on_aircraft
 from pipeline.ingest.samples import LeftOut, Sample, track_of

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.config.mission import Telemetry
+from pipeline.config.telemetry import Telemetry
 from pipeline.errors import InputError
 from pipeline.ingest.attitude import Attitudes, angles_of_quaternions, camera_on_aircraft
 from pipeline.ingest.flight_log import Fixes, FlightLog, times_of_utc, track_of_log

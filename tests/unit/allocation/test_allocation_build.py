@@ -12,8 +12,8 @@ from pipeline.allocation.build import build_problem, max_frame_time_s, period_of
 from pipeline.allocation.levels import accuracy_at
 from pipeline.allocation.problem import Problem
 from pipeline.config.inventory import Inventory
-from pipeline.config.mission import Processing
 from pipeline.config.pool import AccuracyAt, Pool
+from pipeline.config.processing import Processing
 from pipeline.errors import InputError
 
 WHERE = Path("mission.yaml")

@@ -9,8 +9,8 @@ import pytest
 
 from pipeline.allocation.levels import accuracies_of, levels_of, of_size, stream_accuracies
 from pipeline.allocation.sharing import sharing_modes
-from pipeline.config.mission import Processing
 from pipeline.config.pool import Pool, PoolDetector
+from pipeline.config.processing import Processing
 from pipeline.errors import InputError
 
 WHERE = Path("mission.yaml")

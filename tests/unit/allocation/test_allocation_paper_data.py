@@ -8,8 +8,8 @@ import pytest
 
 from pipeline.allocation.build import build_problem
 from pipeline.config.inventory import load_inventory
-from pipeline.config.mission import Processing
 from pipeline.config.pool import Pool, load_pool
+from pipeline.config.processing import Processing
 from pipeline.experiments.paper_tables import PERIODS
 
 CONFIGS = Path(__file__).parents[3] / "configs"

@@ -9,8 +9,8 @@ import pytest
 from pipeline.allocation.build import build_problem
 from pipeline.allocation.decomposed import solve
 from pipeline.config.inventory import Inventory
-from pipeline.config.mission import Processing
 from pipeline.config.pool import Pool
+from pipeline.config.processing import Processing
 
 
 def row(name: str, accuracy: float, milliseconds: float, megabytes: float, **changes) -> dict:

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pipeline.config.mission import Fusion
+from pipeline.config.fusion import Fusion
 from pipeline.experiments.moving_person import _trail
 from pipeline.geo.camera import Camera
 from pipeline.geo.frame import LocalFrame

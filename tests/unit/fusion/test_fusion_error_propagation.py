@@ -8,7 +8,7 @@ import pytest
 from benchmarks.bench_error_ellipse import BUDGETS, coverage
 from benchmarks.bench_error_ellipse import params as with_budget
 
-from pipeline.config.mission import Uncertainty
+from pipeline.config.uncertainty import Uncertainty
 from pipeline.fusion.error_propagation import _markov, place_covariance, variance_factor
 from pipeline.fusion.localization import GROUND_STD_M, locate
 from pipeline.fusion.look import Look

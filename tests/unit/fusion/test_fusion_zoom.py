@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pipeline.config.mission import Fusion
+from pipeline.config.fusion import Fusion
 from pipeline.fusion.fuser import Fuser
 from pipeline.geo.camera import Camera
 from pipeline.geo.frame import LocalFrame

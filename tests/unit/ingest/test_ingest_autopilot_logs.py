@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as m
 
-from pipeline.config.mission import Telemetry
+from pipeline.config.telemetry import Telemetry
 from pipeline.errors import InputError
 from pipeline.geo.pose import enu_from_camera
 from pipeline.ingest.clock import recordings_s

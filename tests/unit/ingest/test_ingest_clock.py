@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.config.mission import Angles, Telemetry
+from pipeline.config.telemetry import Angles, Telemetry
 from pipeline.errors import InputError
 from pipeline.ingest.clock import Alignment, align, on_the_videos_clock, recordings_s
 from pipeline.ingest.track import Track

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.config.mission import Column, Telemetry
+from pipeline.config.telemetry import Column, Telemetry
 from pipeline.errors import InputError
 from pipeline.ingest.clock import align
 from pipeline.ingest.registry import format_of, read_telemetry

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.config.mission import Telemetry
+from pipeline.config.telemetry import Telemetry
 from pipeline.errors import InputError
 from pipeline.geo.pose import enu_from_camera
 from pipeline.ingest.registry import format_of, read_telemetry

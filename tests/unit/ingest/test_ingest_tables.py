@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import yaml
 
-from pipeline.config.mission import COLUMN_QUANTITIES, Column, Table, Telemetry
+from pipeline.config.telemetry import COLUMN_QUANTITIES, Column, Table, Telemetry
 from pipeline.errors import InputError
 from pipeline.ingest.registry import read_telemetry
 from pipeline.ingest.tables.cells import degrees, flags, nmea_degrees, number

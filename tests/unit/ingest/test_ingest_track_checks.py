@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.config.mission import Telemetry
+from pipeline.config.telemetry import Telemetry
 from pipeline.geo.camera import Camera
 from pipeline.geo.frame import LocalFrame
 from pipeline.geo.terrain import Terrain

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.config.mission import Datum, Telemetry
+from pipeline.config.telemetry import Telemetry
+from pipeline.config.terrain import Datum
 from pipeline.errors import InputError
 from pipeline.geo.frame import LocalFrame
 from pipeline.geo.pose import enu_from_camera

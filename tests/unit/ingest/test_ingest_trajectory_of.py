@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from pipeline.config.mission import Angles, Telemetry
+from pipeline.config.telemetry import Angles, Telemetry
 from pipeline.errors import InputError
 from pipeline.geo.frame import LocalFrame
 from pipeline.geo.pose import enu_from_camera

@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.config.mission import Stream, Telemetry
+from pipeline.config.mission import Stream
+from pipeline.config.telemetry import Telemetry
 from pipeline.errors import InputError
 from pipeline.ingest.registry import format_of, read_telemetry
 from pipeline.ingest.telemetry.dji_srt import read_dji_srt

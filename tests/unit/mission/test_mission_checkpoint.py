@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from pipeline.config.mission import Fusion
+from pipeline.config.fusion import Fusion
 from pipeline.errors import InputError
 from pipeline.fusion.fuser import Fuser
 from pipeline.fusion.sequencer import Sequencer

@@ -11,7 +11,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from pipeline.config.mission import ObjectClass
+from pipeline.config.fusion import ObjectClass
 from pipeline.config.pool import Calibration
 from pipeline.errors import InputError
 from pipeline.geo.camera import Camera

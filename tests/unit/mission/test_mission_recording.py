@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from pipeline.config.mission import Telemetry, Uncertainty
+from pipeline.config.telemetry import Telemetry
+from pipeline.config.uncertainty import Uncertainty
 from pipeline.geo.camera import Camera
 from pipeline.geo.frame import LocalFrame
 from pipeline.ingest.cameras.choice import ChosenCamera

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pipeline.allocation.plan import Assignment
-from pipeline.config.mission import Telemetry
+from pipeline.config.telemetry import Telemetry
 from pipeline.geo.frame import LocalFrame
 from pipeline.ingest.track import Track
 from pipeline.ingest.trajectory_of import Ground, trajectory_of

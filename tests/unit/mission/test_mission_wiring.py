@@ -16,8 +16,8 @@ from pipeline.allocation.build import build_problem
 from pipeline.allocation.decomposed import solve
 from pipeline.allocation.plan import Plan, plan_from_json, plan_to_json
 from pipeline.config.inventory import Inventory
-from pipeline.config.mission import Processing
 from pipeline.config.pool import load_pool
+from pipeline.config.processing import Processing
 from pipeline.detection import session as session_module
 from pipeline.detection.model_file import sha256_of
 from pipeline.errors import InputError

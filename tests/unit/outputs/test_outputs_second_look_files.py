@@ -4,7 +4,7 @@ import math
 import numpy as np
 import pytest
 
-from pipeline.config.mission import SecondLook
+from pipeline.config.second_look import SecondLook
 from pipeline.geo.frame import LocalFrame
 from pipeline.outputs.second_look_files import (
     qgc_plan,

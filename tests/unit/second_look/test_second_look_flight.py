@@ -3,7 +3,7 @@ import itertools
 import numpy as np
 import pytest
 
-from pipeline.config.mission import SecondLook
+from pipeline.config.second_look import SecondLook
 from pipeline.geo.frame import LocalFrame
 from pipeline.geo.terrain import Terrain
 from pipeline.second_look.areas import SecondLookArea

@@ -1,0 +1,32 @@
+"""How sure a mission is of what its places are computed from."""
+
+from __future__ import annotations
+
+import math
+
+from pipeline.config.base import Strict
+from pipeline.config.units import NonNegativeMeters, NonNegativePixels, NonNegativeRadians, PositiveSeconds
+
+
+class Uncertainty(Strict):
+    """Standard deviations of everything that a place is computed from; its error ellipse follows from them.
+
+    Biases are the same for all looks of a stream, so that no number of looks averages them away; noise
+    wanders with the correlation time. position: each horizontal axis; height: the vertical one; attitude:
+    each of yaw, pitch and roll. box: the centre of a box in a picture. terrain: height of the surface about
+    a place. body: the middle of a person from the middle of the boxes, which posture and cover move.
+
+    The defaults are those of a drone with plain satellite positioning: open-sky receivers state 1.5 m within
+    which half of the positions lie (1.5 m / 1.177 on each axis) and heights half as good again; compasses and
+    gimbals are good to a degree. With RTK a mission should say so.
+    """
+
+    position_bias: NonNegativeMeters = 1.3
+    height_bias: NonNegativeMeters = 2.0
+    attitude_bias: NonNegativeRadians = math.radians(1.0)
+    position_noise: NonNegativeMeters = 0.1
+    attitude_noise: NonNegativeRadians = math.radians(0.2)
+    correlation_time: PositiveSeconds = 2.0
+    box: NonNegativePixels = 2.0
+    terrain: NonNegativeMeters = 0.25
+    body: NonNegativeMeters = 0.12
