@@ -7,7 +7,7 @@ MISSION ?= configs/missions/demo/mission.yaml
 OUT ?= runs/demo
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run test test-all bench lint simulate train clean
+.PHONY: help setup run test test-all bench lint docs simulate train clean
 
 help: ## print the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -43,6 +43,9 @@ lint: setup ## ruff, mypy, import-linter
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+docs: setup ## docs/mission-file.md from the schema
+	$(BIN)/python -m pipeline.config.reference docs/mission-file.md
 
 simulate: setup ## render the demo's mission again
 	$(BIN)/searchlight simulate configs/scenarios/demo.yaml --out runs/mission-demo

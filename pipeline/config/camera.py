@@ -19,17 +19,23 @@ _NUMBERS_OF_COEFFICIENTS = (4, 5, 8)
 class Calibration(Strict):
     """Pinhole with OpenCV's distortion; pixels, counted from the corner of the first one.
 
-    (OpenCV counts from the first pixel's centre: its cx and cy are half a pixel less.) distortion: k1, k2, p1,
-    p2; k3; k4, k5, k6 of the rational model.
+    (OpenCV counts from the first pixel's centre: its cx and cy are half a pixel less.)
     """
 
     width: int = Field(ge=16, le=16384)
+    """Of the picture, pixels. Example: `3840`."""
     height: int = Field(ge=16, le=16384)
+    """Of the picture, pixels. Example: `2160`."""
     fx: Positive
+    """Focal length along the width, pixels. Example: `2850.5`."""
     fy: Positive
+    """Focal length along the height, pixels. Example: `2850.5`."""
     cx: float
+    """Of the optical axis, from the left edge, pixels. Example: `1920`."""
     cy: float
+    """Of the optical axis, from the upper edge, pixels. Example: `1080`."""
     distortion: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    """k1, k2, p1, p2; k3; k4, k5, k6 of the rational model: 4, 5 or 8 numbers. Example: `[0.01, -0.02, 0, 0]`."""
 
     @model_validator(mode="after")
     def _distortion_is_one_of_opencvs(self) -> Calibration:
@@ -53,7 +59,9 @@ class FieldOfView(Strict):
     """The whole angle that a picture shows, along its width, its height or its diagonal."""
 
     degrees: float = Field(gt=0.5, lt=170.0)
+    """The whole angle. Example: `73.7`."""
     of: Literal["horizontal", "vertical", "diagonal"]
+    """Along what."""
 
     @model_validator(mode="before")
     @classmethod
@@ -65,28 +73,34 @@ class FieldOfView(Strict):
 
 
 class EquivalentFocalLength(Strict):
-    """Of a 35 mm camera with the same field of view; along the diagonal (43.27 mm) or the width (36 mm).
+    """Of a 35 mm camera with the same field of view.
 
     Makers follow CIPA DCG-001, which takes the diagonal; where one says that it takes the width, say so.
     """
 
     millimeters: float = Field(ge=1.0, le=10_000.0)
+    """As printed. Example: `24`."""
     of: Literal["diagonal", "horizontal"] = "diagonal"
+    """Along the diagonal (43.27 mm) or the width (36 mm)."""
 
 
 class CameraSource(Strict):
-    """Where the camera's focal length comes from: one of the following, or nothing: from the metadata.
-
-    file: Searchlight's calibration, OpenCV's (YAML, XML, JSON) or ROS's camera_info; ``camera: FILE`` means the
-    same. focal_length: equivalent, as
-    the telemetry states it, that the camera was calibrated at; absent: the widest of the flight.
-    """
+    """One of `file`, `field_of_view`, `equivalent_focal_length`, `intrinsics`; none of them: the metadata say."""
 
     file: Path | None = None
+    """A calibration: Searchlight's, OpenCV's (YAML, XML, JSON) or ROS's camera_info; `camera: FILE` means the
+    same. Example: `camera.yaml`.
+    """
     field_of_view: FieldOfView | None = None
+    """As data sheets give it."""
     equivalent_focal_length: EquivalentFocalLength | None = None
+    """As data sheets and pictures give it."""
     intrinsics: Calibration | None = None
+    """A calibration written here."""
     focal_length: Millimeters | None = None
+    """Equivalent, as the telemetry states it, that the camera was calibrated at. Absent: the widest of the
+    flight. Example: `{millimeters: 24}`.
+    """
 
     @model_validator(mode="before")
     @classmethod

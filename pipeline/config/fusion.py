@@ -18,12 +18,16 @@ PERSON_WIDTH_M, PERSON_HEIGHT_M = 0.5, 1.7
 
 
 class ObjectSize(Strict):
-    """Least and greatest extent of an object of the class, metres, as it can appear in a picture."""
+    """Least and greatest extent of an object of the class, as it can appear in a picture."""
 
     width_min: PositiveMeters
+    """Least width, less than `width_max`. Example: `{meters: 0.2}`."""
     width_max: PositiveMeters
+    """Greatest width. Example: `{meters: 2.2}`."""
     height_min: PositiveMeters
+    """Least height, less than `height_max`. Example: `{meters: 0.2}`."""
     height_max: PositiveMeters
+    """Greatest height. Example: `{meters: 2.2}`."""
 
     @model_validator(mode="after")
     def _ordered(self) -> ObjectSize:
@@ -39,41 +43,57 @@ class ObjectSize(Strict):
 
 
 class ObjectClass(Strict):
-    """What a class of objects looks like. id: the detectors' class id. name: of its layer of the map.
-
-    typical_width, typical_height: of an object that was missed, for the probability of detection; absent: the
-    middle between the least and the greatest.
-    """
+    """What a class of objects looks like."""
 
     id: int = Field(ge=0)
+    """The detectors' class number. Example: `2`."""
     name: str = Field(pattern=r"^[A-Za-z0-9_.-]+$")
+    """Of its layer of the map; letters, digits, `_`, `.`, `-`. Example: `car`."""
     significant_point: SignificantPoint
+    """The point of a box that stands for the place."""
     object_size: ObjectSize
+    """Boxes of other sizes count less, or not at all."""
     typical_width: PositiveMeters | None = None
+    """Of an object that was missed, for the probability of detection. Absent: the middle between the least and
+    the greatest. Example: `{meters: 1.8}`.
+    """
     typical_height: PositiveMeters | None = None
+    """The same of its height. Example: `{meters: 1.5}`."""
 
 
 class Fusion(Strict):
-    """The sensor model and the salient locations (the paper's section 'Detection fusion').
-
-    significant_point, object_size: of persons, the detectors' class 0. further_classes: what else is mapped,
-    each class in a layer of its own.
-    """
+    """The sensor model and the salient locations (the paper's section 'Detection fusion')."""
 
     cell_size: PositiveMeters
+    """Side of the map's cells. Example: `{meters: 0.5}`."""
     positive_max: HalfFraction
+    """How much a sure detection raises a probability above 0.5. Example: `0.36`."""
     negative_max: HalfFraction
+    """How much a look that found nothing lowers a probability below 0.5, at most. Example: `0.2`."""
     tukey_alpha: Fraction
+    """Share of the range of box sizes over which detections count less towards its ends. Example: `0.5`."""
     significant_point: SignificantPoint
+    """The point of a box of a person that stands for the place. Example: `bottom_center`."""
     object_size: ObjectSize
+    """Of persons, the detectors' class 0."""
     further_classes: tuple[ObjectClass, ...] = ()
+    """What else is mapped, each class in a layer of its own."""
     threshold: Fraction
+    """Places above this probability are reported; more than 0.5, less than `clamp_max`. Example: `0.7`."""
     cluster_distance: PositiveMeters
+    """Cells above the threshold that are closer than that are one place. Example: `{meters: 2}`."""
     clamp_min: float = Field(default=0.1192, ge=0.0, lt=0.5)
+    """Least probability of a cell."""
     clamp_max: float = Field(default=0.971, gt=0.5, le=1.0)
+    """Greatest probability of a cell."""
     lateness: PositiveSeconds
+    """With `--pace realtime`: how long a result is waited for before later ones are applied. Example:
+    `{seconds: 2}`.
+    """
     uncertainty: Uncertainty = Uncertainty()
+    """Of what places are computed from."""
     second_look: SecondLook = SecondLook()
+    """What is worth a second look."""
 
     @model_validator(mode="after")
     def _threshold_can_be_reached(self) -> Fusion:

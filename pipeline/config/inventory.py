@@ -14,16 +14,18 @@ from pipeline.errors import InputError
 
 
 class Machine(Strict):
-    """One CPU or one GPU (a computer with both is two machines, as in the paper).
-
-    type: the key into the pool's execution times. count: so many equal ones, named ID, ID-2, ID-3, ..
-    """
+    """One CPU or one GPU (a computer with both is two machines, as in the paper)."""
 
     id: str = Field(pattern=r"^[A-Za-z0-9_.-]+$")
+    """Letters, digits, `_`, `.`, `-`. Example: `ground-pc`."""
     type: str
+    """The key into the pool's execution times. Example: `workstation`."""
     memory: Bytes
+    """For detectors. Example: `{gigabytes: 8}`."""
     count: int = Field(default=1, ge=1, le=10_000)
+    """So many equal ones, named ID, ID-2, ID-3, ..."""
     provider: Literal["cpu", "cuda"] = "cpu"
+    """What networks run on."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -35,23 +37,33 @@ class Site(Strict):
     """A place with machines: a drone, a ground station, a data centre."""
 
     id: str = Field(pattern=r"^[A-Za-z0-9_.-]+$")
+    """Letters, digits, `_`, `.`, `-`. Example: `ground`."""
     machines: tuple[Machine, ...] = Field(min_length=1)
+    """One or more."""
 
 
 class Link(Strict):
-    """How much a stream may send to a site. No link: 0. ``.inf``: the stream's own site."""
+    """How much a stream may send to a site. Without a link it may send nothing."""
 
     stream: str
+    """A stream's id. Example: `drone-1`."""
     site: str
+    """A site's id. Example: `ground`."""
     bandwidth: BitsPerSecond
+    """`.inf`: without limit, as to the stream's own site. Example: `{mbps: 6}`."""
 
 
 class Inventory(Strict):
-    """Sites and links. assumed: what is not measured, in words."""
+    """The machines, where they stand, and the links that reach them."""
 
     sites: tuple[Site, ...] = Field(min_length=1)
+    """A drone, a ground station, a data centre."""
     links: tuple[Link, ...] = ()
+    """Between streams and sites."""
     assumed: tuple[str, ...] = ()
+    """What is not measured, in words; repeated by `check` and the report. Example: `[the radio links'
+    bandwidths]`.
+    """
 
     @model_validator(mode="after")
     def _names_are_unique(self) -> Inventory:

@@ -17,22 +17,26 @@ from pipeline.config.units import Seconds
 
 
 class Stream(Strict):
-    """One video, or several recordings in a row, or a folder of stills, of one camera.
-
-    video: a file, or a list of those that a camera cut one recording into. stills: instead of it, their folder;
-    each is used at the time that its EXIF says. site: where it is filmed, reached
-    without a link's limit. telemetry: absent, from the video's own tracks or the stills' metadata. start, end: the
-    part that is used, in time of the video, which begins with its first picture.
-    """
+    """One camera: a video, several recordings in a row, or a folder of stills."""
 
     id: str = Field(pattern=r"^[A-Za-z0-9_.-]+$")
+    """Letters, digits, `_`, `.`, `-`. Example: `drone-1`."""
     video: Path | tuple[Path, ...] | None = None
+    """A file, or a list of those that a camera cut one recording into. Example: `[DJI_0001.MP4, DJI_0002.MP4]`."""
     stills: Path | None = None
+    """Their folder, instead of a video; each is used at the time that its EXIF says. Example: `photos/`."""
     telemetry: Telemetry
+    """Absent: from the video's own tracks, or the stills' metadata."""
     camera: CameraSource = CameraSource()
+    """Its focal length and lens. Absent: from the metadata."""
     site: str
+    """Where it is filmed, a site of the inventory, reached without a link's limit. Example: `drone-1`."""
     start: Seconds | None = None
+    """Of the part that is used, in time of the video, which begins with its first picture. Example: `{seconds:
+    30}`.
+    """
     end: Seconds | None = None
+    """Of the part that is used; later than `start`. Example: `{minutes: 5}`."""
 
     @property
     def videos(self) -> tuple[Path, ...]:
@@ -77,20 +81,28 @@ class Stream(Strict):
 
 
 class Mission(Strict):
-    """Everything a run reads. Paths are relative to the mission file.
-
-    search_area: a GeoJSON polygon of the ground to search; absent: what the drones' ways enclose.
-    """
+    """Everything that a run reads. Paths are relative to the file that names them."""
 
     name: str
+    """Of the mission, in reports. Example: `lake-north`."""
     terrain: Terrain
+    """The ground."""
     streams: tuple[Stream, ...] = Field(min_length=1)
+    """One or more."""
     inventory: Path
+    """The [inventory](#inventory): sites, machines, links. Example: `inventory.yaml`."""
     pool: Path
+    """The [pool](#pool) of detectors. Example: `pool.yaml`."""
     processing: Processing
+    """What the plan may do."""
     fusion: Fusion
+    """How detections become a map."""
     truth: Path | None = None
+    """Where the people really were (GeoJSON points), to be compared with. Example: `people.geojson`."""
     search_area: Path | None = None
+    """A GeoJSON polygon of the ground to search. Absent: what the drones' ways enclose. Example:
+    `area.geojson`.
+    """
 
     @model_validator(mode="after")
     def _streams_are_unique(self) -> Mission:

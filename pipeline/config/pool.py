@@ -21,52 +21,68 @@ class AccuracyAt(Strict):
     """Accuracy (AP .5 unless the provenance says otherwise) on video of this bitrate."""
 
     bitrate: Bitrate
+    """Of the video. Example: `{mbps: 1}`."""
     accuracy: Accuracy
+    """AP .5 unless the provenance says otherwise. Example: `0.9`."""
 
 
 class AccuracyOfSize(AccuracyAt):
-    """Accuracy for people of one of COCO's size classes: up to 32, up to 96 and above 96 pixels square."""
+    """Accuracy for people of one of COCO's size classes."""
 
     size: Literal["small", "medium", "large"]
+    """Up to 32, up to 96 and above 96 pixels square."""
 
 
 class AccuracyWithCodec(AccuracyAt):
-    """Accuracy under one codec. low, high: 95 % interval. obtained: the bitrate that the encoder made of it.
-
-    largest_packet: how long a link of the bitrate asked for needs for it.
-    """
+    """Accuracy under one codec."""
 
     codec: Codec
+    """Of the video."""
     low: Accuracy | None = None
+    """Of the 95 % interval. Example: `0.87`."""
     high: Accuracy | None = None
+    """Of the 95 % interval. Example: `0.93`."""
     obtained: Bitrate | None = None
+    """The bitrate that the encoder made of it. Example: `{kbps: 980}`."""
     largest_packet: PositiveSeconds | None = None
+    """How long a link of the bitrate asked for needs for it. Example: `{milliseconds: 400}`."""
 
 
 class AccuracyInContext(AccuracyAt):
-    """Accuracy where a standing person is expected to be so large, the root of its box's area in pixels."""
+    """Accuracy where a standing person is expected to be so large."""
 
     person_px_from: float = Field(ge=0.0)
+    """The root of a person's box's area, pixels. Example: `16`."""
     person_px_below: float | None = Field(default=None, gt=0.0)
+    """The same, below; absent: without limit. Example: `32`."""
 
 
 class Sharing(Strict):
-    """How many times as long a frame takes when so many detectors share the machine."""
+    """Detectors that share a machine."""
 
     detectors: int = Field(ge=2)
+    """So many. Example: `2`."""
     factor: float = Field(ge=1.0)
+    """How many times as long a frame takes then. Example: `1.2`."""
 
 
 class TimeOn(Strict):
-    """Execution time per frame on one machine type, worst case and mean, as it was set up there."""
+    """Execution time per frame on one machine type, as it was set up there."""
 
     machine: str
+    """The type, as inventories name it. Example: `workstation`."""
     mean: PositiveSeconds
+    """Of its frames. Example: `{milliseconds: 5.2}`."""
     maximum: PositiveSeconds | None = None
+    """What plans are made with; absent: the mean. At least the mean. Example: `{milliseconds: 8}`."""
     minimum: PositiveSeconds | None = None
+    """The fastest frame. Example: `{milliseconds: 5}`."""
     p95: PositiveSeconds | None = None
+    """19 of 20 frames take no longer. Example: `{milliseconds: 6}`."""
     provider: str | None = None
+    """What it ran on. Example: `cpu`."""
     threads: int | None = Field(default=None, ge=1)
+    """That it ran with. Example: `1`."""
 
     @model_validator(mode="after")
     def _maximum_is_not_below_mean(self) -> TimeOn:
@@ -79,54 +95,73 @@ class Calibration(Strict):
     """What a score s is worth: the probability 1 / (1 + exp(-(scale log(s / (1 - s)) + offset)))."""
 
     scale: float = Field(gt=0.0, allow_inf_nan=False)
+    """Above 0. Example: `3.78`."""
     offset: float = Field(allow_inf_nan=False)
+    """Of the log-odds. Example: `-0.62`."""
 
 
 class Tiles(Strict):
-    """A picture in overlapping tiles. size: width and height in pixels of the picture. overlap: of neighbours,
-    a share of a tile; it should hold the largest person that is looked for in tiles. whole: and one pass over
-    the whole picture, for those who are larger.
-    """
+    """A picture in overlapping tiles."""
 
     size: tuple[TileSide, TileSide]
+    """Width and height in pixels of the picture. Example: `[1024, 576]`."""
     overlap: float = Field(default=0.2, ge=0.0, le=0.9)
+    """Of neighbours, a share of a tile; it should hold the largest person that is looked for in tiles."""
     whole: bool = False
+    """And one pass over the whole picture, for those who are larger."""
 
 
 class PoolDetector(Strict):
-    """One detector.
-
-    model: the ONNX file, relative to the pool file; none for a detector that is only planned with.
-    card: its data sheet. score_threshold: detections below it are not reported. calibration: what a score
-    above it is worth; absent: the score itself. accuracy: under the codec and by the metric that the
-    provenance names; the other accuracies say more of the same. sha256: of model. layout: how it is read, a
-    name or a description; absent: found out. names: of its classes, in order, where the file does not say
-    them; ``coco``, ``coco91``: COCO's. classes: which of them are which layer of the map. input_size: width
-    and height, for a network that leaves them free. tiles: how its pictures are cut; accuracy, times and
-    memory are of all tiles of a picture together. precision: of its weights, as stated. assumed: what of this
-    row was not measured, in words; repeated wherever the detector is used.
-    """
+    """One detector."""
 
     id: str = Field(pattern=r"^[A-Za-z0-9_.-]+$")
+    """Letters, digits, `_`, `.`, `-`. Example: `small`."""
     model: Path | None = None
+    """The ONNX file; none for a detector that is only planned with. Example: `small.onnx`."""
     card: Path | None = None
+    """Its data sheet. Example: `small.md`."""
     memory: Bytes
+    """That it needs. Example: `{megabytes: 45}`."""
     score_threshold: Accuracy = 0.3
+    """Detections below it are not reported."""
     calibration: Calibration | None = None
+    """What a score above the threshold is worth; absent: the score itself."""
     accuracy: tuple[AccuracyAt, ...] = Field(min_length=1)
+    """Under the codec and by the metric that the provenance names; the other accuracies say more of the same."""
     times: tuple[TimeOn, ...] = Field(min_length=1)
+    """On each machine type that it may run on."""
     sharing: tuple[Sharing, ...] = ()
+    """How detectors on one machine slow each other down."""
     accuracy_by_size: tuple[AccuracyOfSize, ...] = ()
+    """By the size of people."""
     accuracy_by_codec: tuple[AccuracyWithCodec, ...] = ()
+    """By codec."""
     accuracy_by_context: tuple[AccuracyInContext, ...] = ()
+    """By the size that people are expected to have."""
     layout: str | Layout | None = None
+    """How the file is read: a built-in layout's name, or a description ([detectors.md](detectors.md)). Absent:
+    found out. Example: `yolov8`.
+    """
     names: tuple[str, ...] | Literal["coco", "coco91"] | None = None
+    """Of its classes, in order, where the file does not say them; `coco`, `coco91`: COCO's. Example:
+    `[pedestrian, boat]`.
+    """
     classes: dict[str, tuple[str, ...]] = Field(default_factory=dict)
+    """Which of its classes are which layer of the map. Example: `{person: [pedestrian, people]}`."""
     input_size: tuple[TileSide, TileSide] | None = None
+    """Width and height, for a network that leaves them free. Example: `[640, 384]`."""
     tiles: Tiles | None = None
+    """How its pictures are cut; accuracy, times and memory are of all tiles of a picture together."""
     precision: Literal["float32", "float16", "int8"] | None = None
+    """Of its weights, as stated."""
     assumed: str | None = None
+    """What of this row was not measured, in words; repeated wherever the detector is used. Example: `accuracy,
+    as that of small`.
+    """
     sha256: str | None = Field(default=None, pattern=r"^[0-9a-f]{64}$")
+    """Of the model; a file with another one is refused. Example:
+    `39a8cc606af2327e5a7a3f24c5d2e27d3d2f40b7deaa6163e97647a17587153d`.
+    """
 
     def require_model(self, where: object) -> Path:
         """The ONNX file. where: for the message of the InputError if there is none."""
@@ -149,11 +184,14 @@ class PoolDetector(Strict):
 
 
 class Pool(Strict):
-    """The detectors, and where the numbers come from."""
+    """The detectors that may be used, and where the numbers come from."""
 
     detectors: tuple[PoolDetector, ...] = Field(min_length=1)
+    """One or more."""
     provenance: dict[str, Any] = Field(default_factory=dict)
+    """How they were measured; free keys. Example: `{machine: "AMD EPYC, 2 cores"}`."""
     assumed: tuple[str, ...] = ()
+    """What of the pool was not measured, in words. Example: `[onboard is 6 times as slow]`."""
 
     @model_validator(mode="after")
     def _names_are_unique(self) -> Pool:

@@ -12,37 +12,48 @@ from pipeline.link.codec import Codec
 
 
 class Delays(Strict):
-    """What a frame's way to a detector takes beside execution; within a site nothing.
-
-    burst: the largest packet, in mean packets of its stream.
-    """
+    """What a frame's way to a detector takes beside execution; within a site nothing."""
 
     encode: PositiveSeconds
+    """Encoding one picture. Example: `{milliseconds: 20}`."""
     decode: PositiveSeconds
+    """Decoding one picture. Example: `{milliseconds: 10}`."""
     burst: float = Field(default=1.0, ge=1.0, le=1000.0)
+    """The largest packet of a stream, in mean packets of it."""
 
 
 class Processing(Strict):
-    """The paper's processingFrameRate, maxProcessingTime, detPerStream, detPerFrame, w; the memory rule.
-
-    Past the paper, each off unless asked for. codecs: the plan chooses one per substream, by the pool's
-    accuracy_by_codec; none: ``codec`` for all. expected_size: accuracies for the size of a person that is to
-    be expected in each stream. sharing: detectors that share a machine slow each other down, as the pool has
-    it. delays: max_processing_time includes encoding, transfer and decoding. decoding_threads: of each video;
-    absent: the processor's cores, shared out among the streams.
-    """
+    """What a plan may do. The paper's names stand in brackets; what goes past the paper is off unless asked for."""
 
     frame_rate: Hertz
+    """Pictures of each stream that are looked at in a second (processingFrameRate). Example: `{hertz: 2}`."""
     max_processing_time: PositiveSeconds
+    """From a picture's capture to its detections, at most (maxProcessingTime). Example: `{seconds: 1}`."""
     detectors_per_stream: int = Field(default=2, ge=1, le=16)
+    """At most (detPerStream)."""
     detectors_per_frame: int = Field(default=2, ge=1, le=16)
+    """At most (detPerFrame)."""
     accuracy_weight: Fraction = 0.6
+    """Of accuracy against few sites: the objective's w."""
     memory_rule: Literal["ram", "one_detector_per_machine"] = "ram"
+    """`ram`: the detectors of a machine fit its memory together; `one_detector_per_machine`: as it says."""
     codec: Codec = "h264"
+    """Of the video that is sent over links."""
     bitrates: tuple[Bitrate, ...] = Field(min_length=1)
+    """That a stream may be sent at; the plan chooses among those that the pool has accuracies for or between.
+    Example: `[{mbps: 1}, {mbps: 4}]`.
+    """
     time_limit: PositiveSeconds = 30.0
+    """For planning; after it the best plan found is taken."""
     codecs: tuple[Codec, ...] = ()
+    """The plan chooses one of them per substream, by the pool's `accuracy_by_codec`. Absent: `codec` for all.
+    Example: `[h264, h265]`.
+    """
     expected_size: bool = False
+    """Takes accuracies for the size of a person that is to be expected in each stream."""
     sharing: bool = False
+    """Detectors that share a machine slow each other down, as the pool has it."""
     delays: Delays | None = None
+    """If given, `max_processing_time` includes encoding, transfer and decoding."""
     decoding_threads: int | None = Field(default=None, ge=1, le=64)
+    """Of each video. Absent: the processor's cores, shared out among the streams. Example: `2`."""

@@ -15,23 +15,27 @@ from pipeline.config.units import (
 
 
 class SecondLook(Strict):
-    """Which ground is worth a second look, and how a drone would look at it.
-
-    pod_min, resolution_min (pixels per person), looks_min: seen worse than that is seen badly.
-    unresolved_from: a probability from there to the threshold is undecided, if there were unresolved_looks
-    observations at least. min_area (square metres): smaller areas are left out, after those closer than
-    merge_distance have been made one. height (above the surface), speed, overlap (of neighbouring strips,
-    0..0.9), hover: of the proposed flight.
-    """
+    """Which ground is worth a second look, and how a drone would look at it."""
 
     pod_min: Fraction = 0.5
+    """Ground where a person would have been found with less probability was seen badly."""
     resolution_min: NonNegativePixels = 20.0
+    """Ground where a person is smaller was seen badly; pixels per person."""
     looks_min: int = Field(default=1, ge=0)
+    """Ground that was looked at less often was seen badly."""
     unresolved_from: Fraction = 0.3
+    """A probability from there to the threshold is undecided, after `unresolved_looks`."""
     unresolved_looks: int = Field(default=5, ge=1)
+    """Observations that make a place undecided."""
     min_area: float = Field(default=6.0, gt=0.0)
+    """Smaller areas are left out; square metres."""
     merge_distance: PositiveMeters = 2.0
+    """Areas closer than that are made one, before small ones are left out."""
     height: PositiveMeters = 12.0
+    """Of the proposed flight, above the surface."""
     speed: MetersPerSecond = 3.0
+    """Of the proposed flight."""
     overlap: float = Field(default=0.3, ge=0.0, le=0.9)
+    """Of neighbouring strips, as a share."""
     hover: PositiveSeconds = 4.0
+    """Over an undecided place."""

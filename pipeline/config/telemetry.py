@@ -21,37 +21,45 @@ COLUMN_QUANTITIES = (
 
 
 class Column(Strict):
-    """One column of a table. name: in the head, or a number from 1. unit, zone: absent, those of the head.
-
-    unit: of lengths, angles and durations; of a date a pattern such as ``%d/%m/%Y %H:%M:%S``; of a time also
-    ``gps`` (seconds) and ``excel`` (days); of latitude and longitude also ``nmea``. zone: of a time, ``utc``,
-    ``local``, an offset such as ``+02:00``, or ``video`` (seconds since the video's first picture).
-    """
+    """One column of a table."""
 
     name: str | int
+    """Its name in the head, or its number, from 1. Example: `OSD.latitude`."""
     unit: str | None = None
+    """Of lengths, angles and durations, such as `feet` or `radians`; of a date a pattern such as `%d/%m/%Y
+    %H:%M:%S`; of a time also `gps` (seconds) and `excel` (days); of latitude and longitude also `nmea`.
+    Absent: that of the head. Example: `feet`.
+    """
     zone: str | None = None
+    """Of a time: `utc`, `local`, an offset such as `+02:00`, or `video` (seconds since the video's first
+    picture). Absent: that of the head. Example: `utc`.
+    """
 
 
 class Table(Strict):
-    """How a table is written; absent: found out. head_lines: lines before the first sample."""
+    """How a table is written. What is absent is found out."""
 
     delimiter: str | None = Field(default=None, min_length=1, max_length=1)
+    """One character between the cells. Example: `";"`."""
     decimal: Literal[".", ","] | None = None
+    """Of numbers. Example: `","`."""
     head_lines: int | None = Field(default=None, ge=0, le=1000)
+    """Lines before the first sample. Example: `2`."""
 
 
 class FixedGimbal(Strict):
-    """Angles of a camera that is fixed, or whose gimbal stands still. Absent: those of the telemetry.
-
-    yaw: clockwise from north, or ``course`` (the way the drone flies), or ``aircraft`` (where its nose points,
-    plus the angle, if any, of ``mounting``). pitch: from the horizon, or, beside ``yaw: aircraft``, ``aircraft``:
-    a camera without a gimbal, turned on the airframe by the angles of ``mounting`` and leaning with it.
-    """
+    """Angles of a camera that is fixed, or whose gimbal stands still. What is absent comes from the telemetry."""
 
     pitch: Radians | Literal["aircraft"] | None = None
+    """From the horizon, down is negative; or, beside `yaw: aircraft`, `aircraft`: a camera without a gimbal,
+    turned on the airframe by the angles of `mounting` and leaning with it. Example: `{degrees: -45}`.
+    """
     roll: Radians | None = None
+    """To the right is positive. Example: `{degrees: 0}`."""
     yaw: Radians | Literal["course", "aircraft"] | None = None
+    """Clockwise from north, or `course` (the way the drone flies), or `aircraft` (where its nose points, plus
+    the angle, if any, of `mounting`). Example: `course`.
+    """
 
     @model_validator(mode="after")
     def _fixed_to_the_airframe_or_not(self) -> FixedGimbal:
@@ -64,8 +72,11 @@ class Mounting(Strict):
     """Added to the angles of the telemetry: how the camera sits in what they are measured on."""
 
     yaw: Radians = 0.0
+    """To the right is positive."""
     pitch: Radians = 0.0
+    """Up is positive. Example: `{degrees: -90}`."""
     roll: Radians = 0.0
+    """To the right is positive."""
 
 
 def _require_known_quantities(columns: Mapping[str, Column]) -> None:
@@ -76,16 +87,20 @@ def _require_known_quantities(columns: Mapping[str, Column]) -> None:
 
 
 class Angles(Strict):
-    """A second file, from which the camera's angles are taken. columns, table: as of the telemetry.
-
-    time_offset: added to the file's time to get the video's; absent: by the dates of both files.
-    """
+    """A second file, from which the camera's angles are taken."""
 
     file: Path
+    """Of any format that telemetry may have. Example: `gimbal.csv`."""
     format: str = "auto"
+    """`auto`, or a format's name."""
     time_offset: Seconds | None = None
+    """Added to the file's time to get the video's. Absent: by the dates of both files. Example: `{seconds:
+    2.5}`.
+    """
     columns: dict[str, Column] = Field(default_factory=dict)
+    """Of a table: what each column is. Example: `{time: {name: Time}, yaw: {name: Yaw}}`."""
     table: Table = Table()
+    """How a table is written."""
 
     @model_validator(mode="after")
     def _columns_are_known(self) -> Angles:
@@ -94,41 +109,59 @@ class Angles(Strict):
 
 
 class Telemetry(Strict):
-    """Where the camera was. file: may be a list, of one for each recording of the stream.
-
-    time_offset is added to the telemetry's time to get the video's; absent: found out.
-
-    format: ``auto``, or the name of one that ``searchlight check`` lists. height: which height field to use;
-    ``absolute`` is above height_datum, ``relative`` above takeoff_height (absent: the ground under the first
-    sample). flight_height: above take-off, of a flight at one height, for a file with none. geoid_undulation:
-    height of the geoid above the ellipsoid there; absent: of a geoid model.
-    utc_offset: local time minus UTC, where a file's times are local. yaw_offset: added to every yaw.
-    longest_gap: between two samples that a pose may be interpolated over. gps_order: of ``GPS(a, b, height)``
-    in DJI's subtitles; absent: latitude first, as the drones that write a height do. sensor_azimuth: what the
-    camera's angles in MISB metadata count from, the aircraft (``relative``) or north (``absolute``); absent: as
-    the frame centres tell. system_id: the vehicle, in a MAVLink log of several.
-    """
+    """Where the camera was and where it looked."""
 
     file: Path
+    """One file, or a list of one for each recording of the stream. Example: `DJI_0001.SRT`."""
     following: tuple[Path, ...] = ()
+    """Where a list of files is kept once it is read; in a mission, give the list as `file`. Example:
+    `[DJI_0002.SRT]`.
+    """
     format: str = "auto"
+    """`auto`, or the name of a format of [telemetry.md](telemetry.md)."""
     time_offset: Seconds | None = None
+    """Added to the telemetry's time to get the video's. Absent: found out. Example: `{seconds: -1.2}`."""
     utc_offset: Seconds | None = None
+    """Local time minus UTC, where a file's times are local. Absent: results say local time. Example: `{hours:
+    2}`.
+    """
     height: Literal["absolute", "relative"] = "absolute"
+    """Which of the heights is used: `absolute` is above `height_datum`, `relative` above `takeoff_height`."""
     height_datum: Datum | None = None
+    """What absolute heights are above. Absent: as the file says, else you are asked."""
     takeoff_height: Meters | None = None
+    """Of the take-off point, above the terrain's datum. Absent: the ground under the first sample. Example:
+    `{meters: 93.3}`.
+    """
     flight_height: Meters | None = None
+    """Above take-off, of a flight at one height, for a file that has none. Example: `{meters: 40}`."""
     geoid_undulation: Meters | None = None
+    """Height of the geoid above the ellipsoid there. Absent: of a geoid model. Example: `{meters: 29.4}`."""
     columns: dict[str, Column] = Field(default_factory=dict)
+    """Of a table, or instead of what a known format says: what each column is; the keys are those of
+    [telemetry.md](telemetry.md#a-table-of-ones-own). Example: `{time: {name: Time, zone: utc}, latitude:
+    {name: Lat}}`.
+    """
     table: Table = Table()
+    """How a table is written."""
     angles: Angles | None = None
+    """A second file, with the camera's angles."""
     gimbal: FixedGimbal = FixedGimbal()
+    """Angles that the telemetry lacks."""
     mounting: Mounting = Mounting()
+    """How the camera sits on what the angles are of."""
     yaw_offset: Radians = 0.0
+    """Added to every yaw, to the right is positive. Example: `{degrees: 1.5}`."""
     longest_gap: PositiveSeconds = 3.0
+    """Between two samples that a pose may be interpolated over."""
     gps_order: Literal["longitude_first", "latitude_first"] | None = None
+    """Of `GPS(a, b, height)` in DJI's subtitles. Absent: latitude first, as the drones that write a height do."""
     sensor_azimuth: Literal["relative", "absolute"] | None = None
+    """What the camera's angles in MISB metadata count from, the aircraft (`relative`) or north (`absolute`).
+    Absent: as the frame centres tell.
+    """
     system_id: int | None = Field(default=None, ge=1, le=255)
+    """The vehicle, in a MAVLink log of several. Example: `1`."""
 
     @property
     def files(self) -> tuple[Path, ...]:

@@ -19,7 +19,9 @@ class MeshOrigin(Strict):
     """WGS84 position of a mesh's point (0, 0)."""
 
     latitude: Radians
+    """North is positive, -90 to 90 degrees. Example: `{degrees: 58.4}`."""
     longitude: Radians
+    """East is positive, -180 to 180 degrees. Example: `{degrees: 15.57}`."""
 
     @model_validator(mode="after")
     def _on_earth(self) -> MeshOrigin:
@@ -31,29 +33,33 @@ class MeshOrigin(Strict):
 
 
 class FlatGround(Strict):
-    """A plane where no surface model is at hand. height: absent, that of the first flight's take-off.
-
-    sd: how far the ground may be from it, one standard deviation; places are less sure by that.
-    """
+    """A plane, where no surface model is at hand."""
 
     height: Meters | None = None
+    """Of the plane, above the terrain's datum. Absent: that of the first flight's take-off. Example: `{meters:
+    93}`.
+    """
     sd: PositiveMeters = 5.0
+    """How far the ground may be from the plane, one standard deviation; places are less sure by that."""
 
 
 class Terrain(Strict):
-    """A surface model (DSM): GeoTIFFs with a CRS, a mesh with an origin, or a plane; heights above the datum.
-
-    file: one or several, or folders of them; where they overlap the first that knows a height counts.
-    height_datum: absent, as the file says. unit, nodata: instead of what the file says. origin: where a mesh (x east,
-    y north, z up, metres; PLY, OBJ, STL, OFF or GLB) lies. flat: instead of a file.
-    """
+    """The ground: surface models (GeoTIFFs with a CRS), a mesh, or a plane."""
 
     file: Path | tuple[Path, ...] | None = None
+    """One file or a list, or folders of them; where they overlap the first that knows a height counts. Example:
+    `[dem/, more.tif]`.
+    """
     height_datum: Datum | None = None
+    """What its heights are above. Absent: as the file says."""
     unit: HeightUnit | None = None
+    """Of its heights, instead of what the file says. Absent: as the file says, else metres."""
     nodata: float | None = None
+    """The value that means unknown, instead of what the file says. Example: `-9999`."""
     origin: MeshOrigin | None = None
+    """Where point (0, 0) of a mesh lies: x east, y north, z up, metres; PLY, OBJ, STL, OFF or GLB."""
     flat: FlatGround | None = None
+    """A plane, instead of a file."""
 
     @property
     def files(self) -> tuple[Path, ...]:

@@ -12,9 +12,7 @@ class Uncertainty(Strict):
     """Standard deviations of everything that a place is computed from; its error ellipse follows from them.
 
     Biases are the same for all looks of a stream, so that no number of looks averages them away; noise
-    wanders with the correlation time. position: each horizontal axis; height: the vertical one; attitude:
-    each of yaw, pitch and roll. box: the centre of a box in a picture. terrain: height of the surface about
-    a place. body: the middle of a person from the middle of the boxes, which posture and cover move.
+    wanders with the correlation time.
 
     The defaults are those of a drone with plain satellite positioning: open-sky receivers state 1.5 m within
     which half of the positions lie (1.5 m / 1.177 on each axis) and heights half as good again; compasses and
@@ -22,11 +20,20 @@ class Uncertainty(Strict):
     """
 
     position_bias: NonNegativeMeters = 1.3
+    """Of each horizontal axis of the position."""
     height_bias: NonNegativeMeters = 2.0
+    """Of the height."""
     attitude_bias: NonNegativeRadians = math.radians(1.0)
+    """Of each of yaw, pitch and roll."""
     position_noise: NonNegativeMeters = 0.1
+    """Of each axis of the position."""
     attitude_noise: NonNegativeRadians = math.radians(0.2)
+    """Of each of yaw, pitch and roll."""
     correlation_time: PositiveSeconds = 2.0
+    """For how long noise stays alike."""
     box: NonNegativePixels = 2.0
+    """Of the centre of a box in a picture."""
     terrain: NonNegativeMeters = 0.25
+    """Of the surface's height about a place."""
     body: NonNegativeMeters = 0.12
+    """Of the middle of a person from the middle of the boxes, which posture and cover move."""

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field
@@ -21,22 +22,27 @@ _MILLIMETERS = {"millimeters": 1.0}
 _PIXELS = {"pixels": 1.0}
 
 
-def _quantity(units: dict[str, float], low: float, high: float) -> Callable[[Any], float]:
-    choices = " or ".join(f"{{{name}: NUMBER}}" for name in units)
+@dataclass(frozen=True, eq=False)
+class Quantity:
+    """Reads ``{unit: number}``. units: how much of SI each one is. low, high: the range, in SI."""
 
-    def parse(value: Any) -> float:
+    units: Mapping[str, float]
+    low: float
+    high: float
+
+    def __call__(self, value: Any) -> float:
+        """In SI units; ValueError if it is no such quantity or out of the range."""
+        choices = " or ".join(f"{{{name}: NUMBER}}" for name in self.units)
         if not isinstance(value, dict) or len(value) != 1:
             raise ValueError(f"expected {choices}")
         ((unit, number),) = value.items()
-        if unit not in units:
+        if unit not in self.units:
             raise mismatch(f"the unit {unit!r}", choices)
-        result = _number(number, unit) * units[unit]
-        if not low <= result <= high:
-            side, bound = ("at least", low) if result < low else ("at most", high)
-            raise ValueError(f"expected {side} {{{unit}: {bound / units[unit]:g}}}")
+        result = _number(number, unit) * self.units[unit]
+        if not self.low <= result <= self.high:
+            side, bound = ("at least", self.low) if result < self.low else ("at most", self.high)
+            raise ValueError(f"expected {side} {{{unit}: {bound / self.units[unit]:g}}}")
         return result
-
-    return parse
 
 
 def _number(value: Any, unit: str) -> float:
@@ -54,21 +60,21 @@ def _number(value: Any, unit: str) -> float:
 _INF = math.inf
 #: no length or time in a search is greater; what is, is a slip
 _MOST = 1e9
-Meters = Annotated[float, BeforeValidator(_quantity(_METERS, -_MOST, _MOST))]
-NonNegativeMeters = Annotated[float, BeforeValidator(_quantity(_METERS, 0.0, _MOST))]
-PositiveMeters = Annotated[float, BeforeValidator(_quantity(_METERS, 1e-9, _MOST))]
-Seconds = Annotated[float, BeforeValidator(_quantity(_SECONDS, -_MOST, _MOST))]
-PositiveSeconds = Annotated[float, BeforeValidator(_quantity(_SECONDS, 1e-9, _MOST))]
-Hertz = Annotated[float, BeforeValidator(_quantity(_HERTZ, 1e-6, 1e6))]
+Meters = Annotated[float, BeforeValidator(Quantity(_METERS, -_MOST, _MOST))]
+NonNegativeMeters = Annotated[float, BeforeValidator(Quantity(_METERS, 0.0, _MOST))]
+PositiveMeters = Annotated[float, BeforeValidator(Quantity(_METERS, 1e-9, _MOST))]
+Seconds = Annotated[float, BeforeValidator(Quantity(_SECONDS, -_MOST, _MOST))]
+PositiveSeconds = Annotated[float, BeforeValidator(Quantity(_SECONDS, 1e-9, _MOST))]
+Hertz = Annotated[float, BeforeValidator(Quantity(_HERTZ, 1e-6, 1e6))]
 #: bits per second; ``{mbps: .inf}`` is a link without limit
-BitsPerSecond = Annotated[float, Field(allow_inf_nan=True), BeforeValidator(_quantity(_BPS, 0.0, _INF))]
+BitsPerSecond = Annotated[float, Field(allow_inf_nan=True), BeforeValidator(Quantity(_BPS, 0.0, _INF))]
 #: bits per second of a video
-Bitrate = Annotated[float, BeforeValidator(_quantity(_BPS, 1.0, 1e12))]
-Radians = Annotated[float, BeforeValidator(_quantity(_RADIANS, -_MOST, _MOST))]
-NonNegativeRadians = Annotated[float, BeforeValidator(_quantity(_RADIANS, 0.0, math.pi))]
+Bitrate = Annotated[float, BeforeValidator(Quantity(_BPS, 1.0, 1e12))]
+Radians = Annotated[float, BeforeValidator(Quantity(_RADIANS, -_MOST, _MOST))]
+NonNegativeRadians = Annotated[float, BeforeValidator(Quantity(_RADIANS, 0.0, math.pi))]
 #: a focal length, millimetres
-Millimeters = Annotated[float, BeforeValidator(_quantity(_MILLIMETERS, 1.0, 1e4))]
-NonNegativePixels = Annotated[float, BeforeValidator(_quantity(_PIXELS, 0.0, _MOST))]
-Bytes = Annotated[float, BeforeValidator(_quantity(_BYTES, 0.0, 1e15))]
+Millimeters = Annotated[float, BeforeValidator(Quantity(_MILLIMETERS, 1.0, 1e4))]
+NonNegativePixels = Annotated[float, BeforeValidator(Quantity(_PIXELS, 0.0, _MOST))]
+Bytes = Annotated[float, BeforeValidator(Quantity(_BYTES, 0.0, 1e15))]
 Fraction = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
-MetersPerSecond = Annotated[float, BeforeValidator(_quantity(_MPS, 0.0, 1e4))]
+MetersPerSecond = Annotated[float, BeforeValidator(Quantity(_MPS, 0.0, 1e4))]
