@@ -191,12 +191,15 @@ def _print_people(summary) -> None:  # type: ignore[no-untyped-def]
 
     caption = f"±: 95 %; {zone_name(summary.clock)}"
     table = Table(title=summary.verdict.sentence, pad_edge=False, caption=caption)
+    possible = {place.id for place in summary.possible}
     distance = {} if summary.match is None else summary.match.distance_m
-    for column in ("no.", "prob.", "latitude", "longitude", "±", "from", "to", "off by"):
+    for column in ("no.", "prob.", "latitude", "longitude", "±", "from", "to", "looks", "off by"):
         table.add_column(column, justify="right", no_wrap=True)
-    for place in summary.locations:
+    for place in (*summary.locations, *summary.possible):
         known = (
-            f"{distance[place.id]:.2f} m"
+            "possible"
+            if place.id in possible
+            else f"{distance[place.id]:.2f} m"
             if place.id in distance
             else ""
             if summary.match is None
@@ -210,6 +213,7 @@ def _print_people(summary) -> None:  # type: ignore[no-untyped-def]
             f"{place.error.semi_major_m:.2f} m",
             clock_time(place.first_seen_ns),
             clock_time(place.last_seen_ns),
+            str(place.looks),
             known,
         )
     Console().print(table)

@@ -82,6 +82,8 @@ class Fusion(Strict):
     """Places above this probability are reported; more than 0.5, less than `clamp_max`. Example: `0.7`."""
     cluster_distance: PositiveMeters
     """Cells above the threshold that are closer than that are one place. Example: `{meters: 2}`."""
+    possible_frames: int = Field(default=3, ge=2)
+    """A place below the threshold that was detected in so many frames is listed apart, as possible."""
     clamp_min: float = Field(default=0.1192, ge=0.0, lt=0.5)
     """Least probability of a cell."""
     clamp_max: float = Field(default=0.971, gt=0.5, le=1.0)

@@ -31,6 +31,8 @@ class SecondLook(Strict):
     """Smaller areas are left out; square metres."""
     merge_distance: PositiveMeters = 2.0
     """Areas closer than that are made one, before small ones are left out."""
+    ways_width_min: PositiveMeters = 10.0
+    """Without a search area the ground that the drones' ways enclose is judged, unless it is narrower than this."""
     height: PositiveMeters = 12.0
     """Of the proposed flight, above the surface."""
     speed: MetersPerSecond = 3.0

@@ -20,7 +20,6 @@ from pipeline.experiments.experiment_report import Experiment, Measure
 from pipeline.experiments.pose_errors import PAPERS_FLIGHT, STATED, mission_with_pose_errors
 from pipeline.experiments.refusion import Fused, fuse_again, prepare_with_truth
 from pipeline.fusion.localization import mean_intersection
-from pipeline.fusion.salient import looks_by_location
 from pipeline.messages import Detections, FloatArray
 from pipeline.mission.prepared import PreparedMission, prepare
 from pipeline.outputs.map_picture import draw_map
@@ -99,13 +98,12 @@ def _fuse(
 def _errors(cell_m: float, runs: Sequence[Fused]) -> Errors:
     ours, papers, inside = [], [], 0
     for run in runs:
-        looks = looks_by_location(run.fuser.map, run.fuser.looks, run.fusion)
         places = {place.id: place for place in run.locations}
         people = {person.id: person for person in run.truth}
         for pair in run.match.found:
             place, person = places[pair.location], people[pair.person]
             ours.append(pair.distance_m)
-            mean = mean_intersection(looks[place.id - 1])
+            mean = mean_intersection(place.sightings)
             papers.append(distance_to_track_m(mean, person.track_enu))
             inside += place.error.contains(person.track_enu[0] - place.position_enu[:2])
     return Errors(

@@ -22,6 +22,9 @@ from pipeline.messages import FloatArray
 #: and of the bundle of centre rays (the box's centre is not quite the same point of the body from all sides).
 GROUND_STD_M = 0.5
 RAYS_STD_M = 0.05
+#: what the ground points say of the height, as a share of what they say of east and north: rays that all point straight
+#: down leave the height of the body open, and the normal equations singular
+_HEIGHT_SHARE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +63,7 @@ def solve(looks: Sequence[Look]) -> Fix:
     cameras = np.array([look.camera_enu for look in looks])
     points = np.array([look.intersection_enu for look in looks])
     across = share * (np.eye(3) - rays[:, :, None] * rays[:, None, :]) / RAYS_STD_M**2
-    level = share * np.diag([1.0, 1.0, 0.0]) / GROUND_STD_M**2
+    level = share * np.diag([1.0, 1.0, _HEIGHT_SHARE]) / GROUND_STD_M**2
     normal = (across + level).sum(axis=0)
     from_rays, from_ground = np.linalg.solve(normal, across), np.linalg.solve(normal, level)
     body = np.einsum("nij,nj->i", from_rays, cameras) + np.einsum("nij,nj->i", from_ground, points)

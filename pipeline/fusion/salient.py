@@ -1,10 +1,16 @@
-"""The places where a person is likely: clusters of probable cells (the paper's sec:extract_salient)."""
+"""The places where a person is likely: clusters of probable cells (the paper's sec:extract_salient).
+
+No cell above the threshold is left out, whatever the cell size and the cluster distance: cells that touch are one place
+though their middles are farther apart than the cluster distance, a sighting belongs to the cell that it lies in, and a
+cluster without any sighting is listed where its cells are.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,20 +24,27 @@ from pipeline.fusion.error_ellipse import ErrorEllipse, ellipse_of
 from pipeline.fusion.error_propagation import place_covariance
 from pipeline.fusion.localization import locate, mean_intersection, weights
 from pipeline.fusion.look import Look
+from pipeline.fusion.sightings import count_looks, people_at_once
 from pipeline.fusion.voxel_map import VoxelMap
 from pipeline.geo.terrain import Terrain
 from pipeline.messages import FloatArray
 
+#: cells that touch, at their corners too, are no farther apart than this many cells
+_TOUCHING = 1.5
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SalientLocation:
-    """A place where a person is likely.
+    """A place where a person is likely, or possible.
 
     id: from 1, in the order of first sight. class_name: what is there. probability: mean of the cluster's
-    voxels, 0..1. position_enu: float64 (3,), metres, on the terrain. latitude_deg, longitude_deg: WGS84.
+    cells, 0..1. position_enu: float64 (3,), metres, on the terrain. latitude_deg, longitude_deg: WGS84.
     height_m: above the terrain's datum. error: of the position, horizontal. spread_m: standard deviation of
-    the looks' ground points about their mean, horizontal. cells: voxels in the cluster. looks: detections
-    that it rests on. first_seen_ns, last_seen_ns: capture times, ns UTC. streams: who saw it, sorted.
+    the sightings' ground points about their mean, horizontal. cells: in the cluster. looks: how often it was looked
+    at and seen (see ``sightings``). first_seen_ns, last_seen_ns: capture times, ns UTC. streams, setups: who saw it,
+    sorted; a setup is ``MACHINE:DETECTOR`` of the plan. sightings: the boxes that it rests on, in their order.
+    people: how many people the sightings show at once, at least 1. may_be: ids of the places of which this may be
+    another sight of the same person.
     """
 
     id: int
@@ -48,40 +61,49 @@ class SalientLocation:
     first_seen_ns: int
     last_seen_ns: int
     streams: tuple[str, ...]
+    setups: tuple[str, ...] = ()
+    sightings: tuple[Look, ...] = ()
+    people: int = 1
+    may_be: tuple[int, ...] = ()
+
+    @property
+    def expected_people(self) -> float:
+        """How many people are to be expected there."""
+        return self.probability * self.people
 
 
 @dataclass(frozen=True, eq=False)
-class _Cluster:
+class Cluster:
+    """probability: 0..1. centers: float64 (N, 3), the middles of its cells, metres. seen_ns: the newest of their looks.
+    looks: its sightings, in their order.
+    """
+
     probability: float
-    cells: int
+    centers: FloatArray
+    seen_ns: int
     looks: list[Look]
 
 
 def salient_locations(
-    voxel_map: VoxelMap, looks: Sequence[Look], params: Fusion
+    voxel_map: VoxelMap, looks: Sequence[Look], params: Fusion, class_name: str = "person"
 ) -> tuple[SalientLocation, ...]:
-    """Locations of probability above the threshold, in the order of first sight.
+    """Locations of probability above the threshold, in the order of first sight. looks: of this class.
 
-    Cells closer than the cluster distance make one cluster (Euclidean cluster extraction on the cells'
-    centres). A look belongs to the cluster of the nearest cell, at most half the cluster distance away. A
-    cluster without a look is none.
+    Cells closer than the cluster distance, and cells that touch, make one cluster (Euclidean cluster extraction on the
+    cells' centres). A look belongs to the cluster of the nearest cell, at most half the cluster distance away, or in
+    the cell.
     """
-    return tuple(
-        _location(voxel_map.terrain, params.uncertainty, i, cluster)
-        for i, cluster in enumerate(_seen_clusters(voxel_map, looks, params), start=1)
-    )
+    found = [
+        location(voxel_map.terrain, params.uncertainty, class_name, cluster)
+        for cluster in _clusters(voxel_map, looks, params)
+    ]
+    return numbered(found)
 
 
-def looks_by_location(
-    voxel_map: VoxelMap, looks: Sequence[Look], params: Fusion
-) -> tuple[tuple[Look, ...], ...]:
-    """The looks that each of the salient locations rests on, in the order of their ids."""
-    return tuple(tuple(cluster.looks) for cluster in _seen_clusters(voxel_map, looks, params))
-
-
-def _seen_clusters(voxel_map: VoxelMap, looks: Sequence[Look], params: Fusion) -> list[_Cluster]:
-    clusters = [cluster for cluster in _clusters(voxel_map, looks, params) if cluster.looks]
-    return sorted(clusters, key=lambda cluster: cluster.looks[0].time_ns)
+def numbered(places: Sequence[SalientLocation]) -> tuple[SalientLocation, ...]:
+    """The places in the order of first sight, with ids from 1."""
+    ordered = sorted(places, key=lambda place: place.first_seen_ns)
+    return tuple(replace(place, id=i) for i, place in enumerate(ordered, start=1))
 
 
 def locations_of_all_classes(
@@ -90,69 +112,121 @@ def locations_of_all_classes(
     """The salient locations of every class's map, in the order of first sight. maps: by class name."""
     found: list[SalientLocation] = []
     for name, voxel_map in maps.items():
-        found += salient_locations(voxel_map, [look for look in looks if look.class_name == name], params)
-    found.sort(key=lambda location: location.first_seen_ns)
-    return tuple(replace(location, id=i) for i, location in enumerate(found, start=1))
+        mine = [look for look in looks if look.class_name == name]
+        found += salient_locations(voxel_map, mine, params, name)
+    return numbered(found)
 
 
-def _clusters(voxel_map: VoxelMap, looks: Sequence[Look], params: Fusion) -> list[_Cluster]:
+def _clusters(voxel_map: VoxelMap, looks: Sequence[Look], params: Fusion) -> list[Cluster]:
     rows, columns, probability = voxel_map.probable(params.threshold)
     if rows.size == 0:
         return []
-    tree = cKDTree(voxel_map.terrain.centers(rows, columns))
-    count, labels = _euclidean_clusters(tree, params.cluster_distance)
-    mine = _looks_of(tree, labels, count, looks, params.cluster_distance / 2.0)
-    p = probability.astype(np.float64)
-    return [_Cluster(float(p[labels == k].mean()), int((labels == k).sum()), mine[k]) for k in range(count)]
+    cells = np.stack([rows, columns], axis=1)
+    centers = voxel_map.terrain.centers(rows, columns)
+    count, labels = _clustered(cells, centers, params.cluster_distance)
+    mine: list[list[Look]] = [[] for _ in range(count)]
+    for look, cell in zip(looks, _cell_of(looks, cells, centers, params.cluster_distance / 2.0), strict=True):
+        if cell >= 0:
+            mine[labels[cell]].append(look)
+    p, seen_ns = probability.astype(np.float64), voxel_map.cells_of("last_seen_ns", rows, columns)
+    return [
+        Cluster(float(p[labels == k].mean()), centers[labels == k], int(seen_ns[labels == k].max()), mine[k])
+        for k in range(count)
+    ]
 
 
-def _euclidean_clusters(tree: cKDTree, distance_m: float) -> tuple[int, NDArray[np.int32]]:
-    """Number of clusters and the cluster of each point; points within the distance are together."""
-    pairs = tree.query_pairs(distance_m, output_type="ndarray")
-    links = coo_array(
-        (np.ones(len(pairs), dtype=np.int8), (pairs[:, 0], pairs[:, 1])), shape=(tree.n, tree.n)
-    )
-    count, labels = connected_components(links, directed=False)
-    return int(count), labels
+def _clustered(
+    cells: NDArray[np.int64], centers: FloatArray, distance_m: float
+) -> tuple[int, NDArray[np.int32]]:
+    """Number of clusters and the cluster of each cell: cells (N, 2) that touch, or middles within the distance."""
+    near = cKDTree(centers).query_pairs(distance_m, output_type="ndarray")
+    touching = cKDTree(cells).query_pairs(_TOUCHING, output_type="ndarray")
+    return connected(len(cells), np.concatenate([near, touching]))
 
 
-def _looks_of(
-    tree: cKDTree, labels: NDArray[np.int32], count: int, looks: Sequence[Look], reach_m: float
-) -> list[list[Look]]:
-    """The looks of each cluster, in their order."""
-    found: list[list[Look]] = [[] for _ in range(count)]
-    if looks:
-        _, nearest = tree.query(
-            np.array([look.intersection_enu for look in looks]), distance_upper_bound=reach_m
-        )
-        for look, point in zip(looks, np.asarray(nearest).tolist(), strict=True):
-            if point < tree.n:
-                found[labels[point]].append(look)
-    return found
+def connected(count: int, pairs: NDArray[np.int64]) -> tuple[int, NDArray[np.int32]]:
+    """Number of groups and the group of each of ``count`` things, of which pairs (M, 2) belong together."""
+    links = coo_array((np.ones(len(pairs), dtype=np.int8), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
+    groups, labels = connected_components(links, directed=False)
+    return int(groups), labels
 
 
-def _location(terrain: Terrain, uncertainty: Uncertainty, number: int, cluster: _Cluster) -> SalientLocation:
+def _cell_of(
+    looks: Sequence[Look], cells: NDArray[np.int64], centers: FloatArray, reach_m: float
+) -> list[int]:
+    """For each look the number of the cell that it raised, or else of the nearest within reach; -1: none.
+
+    The cell comes first: by a wall its middle may be far above or below the point where the ray met it.
+    """
+    if not looks:
+        return []
+    number = {(row, column): k for k, (row, column) in enumerate(cells.tolist())}
+    points = np.array([look.intersection_enu for look in looks])
+    _, nearest = cKDTree(centers).query(points, distance_upper_bound=reach_m)
+    found = zip(looks, np.asarray(nearest).tolist(), strict=True)
+    return [number.get((k.row, k.column), near if near < len(cells) else -1) for k, near in found]
+
+
+def location(
+    terrain: Terrain, uncertainty: Uncertainty, class_name: str, cluster: Cluster
+) -> SalientLocation:
+    """The place of a cluster, as yet without a number."""
+    if not cluster.looks:
+        return _of_cells(terrain, class_name, cluster)
     looks = cluster.looks
     middle = mean_intersection(looks)
     east, north = (float(x) for x in locate(looks))
-    height = terrain.height(east, north)
-    if math.isnan(height):
-        height = float(middle[2])
-    latitude, longitude = terrain.frame.wgs84_from_enu(np.array(east), np.array(north))
     offsets = np.array([look.intersection_enu for look in looks])[:, :2] - middle[:2]
-    return SalientLocation(
-        id=number,
-        class_name=looks[0].class_name,
+    times = [look.time_ns for look in looks]
+    return _place(
+        terrain,
+        (east, north, float(middle[2])),
+        class_name=class_name,
         probability=cluster.probability,
+        error=ellipse_of(place_covariance(looks, uncertainty)),
+        spread_m=math.sqrt(float(weights(looks) @ (offsets**2).sum(axis=1))),
+        cells=len(cluster.centers),
+        looks=count_looks(looks),
+        first_seen_ns=min(times),
+        last_seen_ns=max(times),
+        streams=tuple(sorted({look.stream for look in looks})),
+        setups=tuple(sorted({look.detector for look in looks})),
+        sightings=tuple(looks),
+        people=people_at_once(looks),
+    )
+
+
+def _of_cells(terrain: Terrain, class_name: str, cluster: Cluster) -> SalientLocation:
+    """A place that only the map knows of: as sure as its cells are large."""
+    east, north, up = (float(x) for x in cluster.centers.mean(axis=0))
+    offsets = cluster.centers[:, :2] - (east, north)
+    covariance = offsets.T @ offsets / len(offsets) + np.eye(2) * terrain.cell_m**2 / 12.0
+    return _place(
+        terrain,
+        (east, north, up),
+        class_name=class_name,
+        probability=cluster.probability,
+        error=ellipse_of(covariance),
+        spread_m=0.0,
+        cells=len(offsets),
+        looks=0,
+        first_seen_ns=cluster.seen_ns,
+        last_seen_ns=cluster.seen_ns,
+        streams=(),
+    )
+
+
+def _place(terrain: Terrain, point: tuple[float, float, float], **known: Any) -> SalientLocation:
+    """The place at a point; its height is the terrain's where that is known."""
+    east, north, up = point
+    height = terrain.height(east, north)
+    height = up if math.isnan(height) else height
+    latitude, longitude = terrain.frame.wgs84_from_enu(np.array(east), np.array(north))
+    return SalientLocation(
+        id=0,
         position_enu=np.array([east, north, height]),
         latitude_deg=float(latitude),
         longitude_deg=float(longitude),
         height_m=height,
-        error=ellipse_of(place_covariance(looks, uncertainty)),
-        spread_m=math.sqrt(float(weights(looks) @ (offsets**2).sum(axis=1))),
-        cells=cluster.cells,
-        looks=len(looks),
-        first_seen_ns=min(look.time_ns for look in looks),
-        last_seen_ns=max(look.time_ns for look in looks),
-        streams=tuple(sorted({look.stream for look in looks})),
+        **known,
     )

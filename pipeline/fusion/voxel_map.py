@@ -149,6 +149,10 @@ class VoxelMap:
         order = np.lexsort((columns, rows))
         return rows[order], columns[order], p[order]
 
+    def cells_of(self, name: str, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> NDArray[Any]:
+        """A field of VOXEL at cells (N,) that were touched: (N,)."""
+        return np.asarray(self.tiles.cells[name][self.tiles.flat(rows, columns)])
+
     def valid(self, row: int, column: int) -> bool:
         """Whether there is a voxel: a cell of the terrain whose height is known."""
         rows, columns = self.terrain.shape

@@ -14,6 +14,7 @@ from pipeline.config.terrain import Terrain as TerrainSection
 from pipeline.errors import InputError
 from pipeline.geo.frame import LocalFrame
 from pipeline.geo.geoid import undulation_m
+from pipeline.geo.heights import Heights
 from pipeline.geo.surface_model import SurfaceModel, bounds_m, center_wgs84, inspect
 from pipeline.geo.surfaces import load_mesh, plane
 from pipeline.geo.terrain import Terrain, load_terrain
@@ -30,12 +31,20 @@ Window = tuple[float, float, float, float]
 
 @dataclass(frozen=True, eq=False)
 class GroundModel:
-    """datum: of the heights. sd_m: of a plane that stands for a terrain, else 0. findings: what was assumed."""
+    """datum: of the heights; is_stated: by a file or the mission, else it was assumed. sd_m: of a plane that stands for
+    a terrain, else 0. findings: what was assumed.
+    """
 
     terrain: Terrain
     datum: Datum
     sd_m: float
     findings: tuple[Finding, ...]
+    is_stated: bool = True
+
+    @property
+    def heights(self) -> Heights:
+        """What is known of the map's heights."""
+        return Heights(self.datum if self.is_stated else None)
 
     @property
     def ground(self) -> Ground:
@@ -100,14 +109,17 @@ def load_ground(
         return _plane(section, cell_m, frame, window, tracks)
     files = files_of(section)
     if section.origin is not None:
-        return GroundModel(load_mesh(files[0], cell_m, frame), section.height_datum or "ellipsoid", 0.0, ())
+        mesh, stated = load_mesh(files[0], cell_m, frame), section.height_datum is not None
+        return GroundModel(mesh, section.height_datum or "ellipsoid", 0.0, (), stated)
     models = [inspect(file, section.unit, section.nodata) for file in files]
     findings = [Finding("assumed", "terrain", str(m.path), note) for m in models for note in m.notes]
     datum = _datum(section, models, findings)
     used = [m for m in models if window is None or _meets(bounds_m(m.path, frame), window)]
     if not used:
         raise InputError(", ".join(map(str, files)), "a surface model far from the flights", "one under them")
-    return GroundModel(load_terrain(used, cell_m, frame, window), datum, 0.0, tuple(findings))
+    terrain = load_terrain(used, cell_m, frame, window)
+    stated = section.height_datum is not None or any(m.datum is not None for m in models)
+    return GroundModel(terrain, datum, 0.0, tuple(findings), stated)
 
 
 def files_of(section: TerrainSection) -> list[Path]:
@@ -172,7 +184,8 @@ def _plane(
     west, south = (math.floor(edge / cell_m) * cell_m for edge in window[:2])
     terrain = plane(frame, west, south, window[2], window[3], cell_m, height_m)
     finding = Finding("warning", "flat_terrain", "terrain.flat", text, "", "terrain.file: a surface model")
-    return GroundModel(terrain, section.height_datum or "ellipsoid", section.flat.sd, (finding,))
+    stated = section.height_datum is not None
+    return GroundModel(terrain, section.height_datum or "ellipsoid", section.flat.sd, (finding,), stated)
 
 
 def _takeoff_m(tracks: Sequence[Track]) -> float:

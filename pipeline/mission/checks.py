@@ -16,12 +16,11 @@ from pipeline.ingest.ground import Window
 from pipeline.ingest.source import Source
 from pipeline.ingest.trajectory import Trajectory
 from pipeline.mission.stages.source import StreamInput
-from pipeline.second_look.plan import searched_cells
+from pipeline.second_look.coverage import EDGE_SHARE
+from pipeline.second_look.plan import cells_inside
 
 #: nobody searches farther than this from where anybody flies, metres
 _FAR_M = 20_000.0
-#: cells at the edge of an area count as a whole or not at all
-_EDGE_SHARE = 0.03
 
 
 def telemetry_covers(stream: Stream, video: Source, trajectory: Trajectory) -> list[Finding]:
@@ -84,11 +83,11 @@ def require_near(path: Path, area: Window, seen: Window) -> None:
 def area_is_on_terrain(path: Path, terrain: Terrain) -> list[Finding]:
     """How much of a search area lies where the ground is not known. Raises InputError if all of it does."""
     area = load_search_area(path, terrain.frame)
-    known = searched_cells(path, terrain, {}) & np.isfinite(terrain.heights_m)
+    known = cells_inside(area, terrain) & np.isfinite(terrain.heights_m)
     beyond_m2 = area.area_m2 - float(known.sum()) * terrain.cell_m**2
     if not known.any():
         raise InputError(path, "a search area that does not meet the terrain", "one on it")
-    if beyond_m2 <= _EDGE_SHARE * area.area_m2:
+    if beyond_m2 <= EDGE_SHARE * area.area_m2:
         return []
     area_m2 = area.area_m2
     text = f"{beyond_m2:,.0f} of {area_m2:,.0f} m2 of the search area lie off the known terrain: nobody looks there"

@@ -1,9 +1,9 @@
-"""What made us believe it: for each found place, the piece of the picture with the surest look."""
+"""What made us believe it: for each found or possible place, the piece of the picture with the surest sighting."""
 
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from matplotlib import image as matplotlib_image
@@ -16,15 +16,14 @@ from pipeline.mission.prepared import PreparedMission
 from pipeline.mission.stages.source import StreamInput
 
 HALF_SIZE_PX = 72
-#: a look this near to a place belongs to it
-REACH_M = 1.5
 
 
 def found_place_crops(
-    prepared: PreparedMission, looks: Sequence[Look], locations: Sequence[SalientLocation]
+    prepared: PreparedMission, locations: Sequence[SalientLocation]
 ) -> list[tuple[int, bytes]]:
-    """(id of the place, PNG) for every place, cut from the video."""
-    chosen = {place.id: look for place in locations if (look := _best(looks, place)) is not None}
+    """(id of the place, PNG) for every place that has a sighting in the mission's streams, cut from the video."""
+    streams = {stream.stream for stream in prepared.streams}
+    chosen = {place.id: look for place in locations if (look := _best(place, streams)) is not None}
     pictures = []
     for stream in prepared.streams:
         mine = {place: look for place, look in chosen.items() if look.stream == stream.stream}
@@ -32,9 +31,9 @@ def found_place_crops(
     return sorted(pictures)
 
 
-def _best(looks: Sequence[Look], place: SalientLocation) -> Look | None:
-    near = [k for k in looks if np.hypot(*(k.intersection_enu - place.position_enu)[:2]) < REACH_M]
-    return max(near, key=lambda look: (look.score, -look.time_ns), default=None)
+def _best(place: SalientLocation, streams: Collection[str]) -> Look | None:
+    mine = [sighting for sighting in place.sightings if sighting.stream in streams]
+    return max(mine, key=lambda look: (look.score, -look.time_ns), default=None)
 
 
 def _cut(stream: StreamInput, camera: Camera, looks: dict[int, Look]) -> list[tuple[int, bytes]]:

@@ -136,6 +136,7 @@ def _prepared(path: Path, mission: Mission, detector: OwnDetector) -> PreparedMi
         problem,
         filmed.findings,
         filmed.left_out,
+        heights=filmed.heights,
     )
 
 

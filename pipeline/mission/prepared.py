@@ -16,6 +16,7 @@ from pipeline.config.mission import Mission, load_mission
 from pipeline.config.pool import Pool, PoolDetector, load_pool
 from pipeline.geo.camera import Camera
 from pipeline.geo.frame import LocalFrame
+from pipeline.geo.heights import UNKNOWN, Heights
 from pipeline.geo.search_area import load_search_area
 from pipeline.geo.terrain import Terrain
 from pipeline.ingest.finding import Finding
@@ -54,6 +55,7 @@ class Filmed:
     findings: tuple[Finding, ...]
     left_out: Mapping[str, Mapping[str, int]]
     tracks: Mapping[str, Track]
+    heights: Heights
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +64,7 @@ class PreparedMission:
 
     findings: what was noticed and assumed on the way. left_out: samples not used, stream -> reason -> count.
     known_layers: of the map, by name, of every detector of the pool that has a model. tracks: the samples of each
-    stream.
+    stream. heights: what the map's heights count from.
     """
 
     path: Path
@@ -77,6 +79,7 @@ class PreparedMission:
     left_out: Mapping[str, Mapping[str, int]] = field(default_factory=dict)
     known_layers: Mapping[str, frozenset[str]] = field(default_factory=dict)
     tracks: Mapping[str, Track] = field(default_factory=dict)
+    heights: Heights = UNKNOWN
 
     @property
     def clock(self) -> Clock:
@@ -144,6 +147,7 @@ def prepare(path: Path) -> PreparedMission:
         filmed.left_out,
         look.known,
         filmed.tracks,
+        filmed.heights,
     )
 
 
@@ -169,7 +173,7 @@ def read_filmed(path: Path, mission: Mission, faults: Faults) -> Filmed:
     cameras = {r.stream.id: r.camera for r in recordings}
     left_out = {r.stream.id: dict(r.track.left_out) for r in recordings if r.track.left_out}
     by_stream = {r.stream.id: r.track for r in recordings}
-    return Filmed(mission, terrain, cameras, streams, tuple(findings), left_out, by_stream)
+    return Filmed(mission, terrain, cameras, streams, tuple(findings), left_out, by_stream, ground.heights)
 
 
 def _streams(

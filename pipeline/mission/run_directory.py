@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Sequence
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 
@@ -11,7 +12,8 @@ import numpy as np
 
 from pipeline.allocation.gantt import gantt
 from pipeline.allocation.plan import plan_to_json
-from pipeline.fusion.salient import SalientLocation, locations_of_all_classes
+from pipeline.fusion.possible import found_and_possible
+from pipeline.fusion.salient import SalientLocation
 from pipeline.ingest.checks.box_sizes import check_box_sizes
 from pipeline.ingest.finding import Finding
 from pipeline.messages import FloatArray
@@ -33,16 +35,16 @@ from pipeline.storage.whole_or_nothing import run_directory, write_bytes, write_
 def write_run_directory(prepared: PreparedMission, run: FinishedRun, out: Path) -> Summary:
     """Write the run directory, whole or not at all; the summary that was written."""
     fuser = run.reducer.fuser
-    locations = locations_of_all_classes(fuser.maps, fuser.looks, prepared.mission.fusion)
+    locations, possible = found_and_possible(fuser.maps, fuser.looks, prepared.mission.fusion)
     truth = load_truth(prepared.mission.truth, prepared.frame) if prepared.mission.truth else ()
-    summary = _summary(prepared, run, locations, truth)
     schedule = gantt(prepared.problem, run.plan)
     tracks = {s.stream: _track(prepared, s.stream) for s in prepared.streams}
-    crops = found_place_crops(prepared, fuser.looks, locations)
+    crops = found_place_crops(prepared, [*locations, *possible])
     mission, camera = prepared.mission, prepared.cameras[prepared.streams[0].stream]
     second = plan_second_look(
         fuser.map, prepared.terrain, mission.fusion, camera, tracks, mission.search_area
     )
+    summary = replace(_summary(prepared, run, locations, truth), possible=possible, coverage=second.coverage)
     picture = second_look_picture(fuser.map, second.areas, second.flight)
     report = ReportData(
         summary, fuser.map, tracks, truth, schedule, crops, second.areas, second.flight, picture
@@ -51,9 +53,10 @@ def write_run_directory(prepared: PreparedMission, run: FinishedRun, out: Path) 
         for name, voxel_map in fuser.maps.items():
             of_class = "" if voxel_map is fuser.map else f"-{name}"
             write_saliency(folder / f"saliency{of_class}.tif", voxel_map)
-        write_salient(folder / "salient.geojson", locations, summary.match, summary.clock)
+        write_salient(folder / "salient.geojson", locations, summary.match, summary.clock, prepared.heights)
+        write_salient(folder / "possible.geojson", possible, None, summary.clock, prepared.heights)
         write_text(folder / "plan.json", plan_to_json(run.plan, prepared.problem))
-        write_bytes(folder / "map.png", png(map_picture(fuser.map, tracks, locations, truth)))
+        write_bytes(folder / "map.png", png(map_picture(fuser.map, tracks, locations, truth, possible)))
         write_bytes(folder / "schedule.png", png(schedule))
         write_second_look(folder / "second_look.geojson", second.areas, prepared.frame)
         write_second_flight(folder / "second_flight.geojson", second.flight, prepared.frame)

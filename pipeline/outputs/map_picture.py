@@ -39,10 +39,12 @@ def map_picture(
     tracks: Mapping[str, FloatArray],
     locations: Sequence[SalientLocation],
     truth: Sequence[TruePerson] = (),
+    possible: Sequence[SalientLocation] = (),
 ) -> Figure:
     """Draw the part of the map that was observed or flown over.
 
-    tracks: positions of each drone, stream -> float64 (N, >=2), ENU metres. truth: empty if not known.
+    tracks: positions of each drone, stream -> float64 (N, >=2), ENU metres. truth: empty if not known. possible:
+    places below the threshold.
     """
     window = _window(voxel_map, tracks, truth)
     figure = Figure(figsize=_size_in(voxel_map, window), dpi=_DPI, layout="constrained")
@@ -52,6 +54,7 @@ def map_picture(
     handles = _draw_tracks(axes, tracks)
     handles += _draw_truth(axes, truth)
     handles += _draw_places(axes, locations)
+    handles += _draw_possible(axes, possible)
     _draw_scale_and_north(axes)
     axes.set_xlabel("east of the map's origin, m")
     axes.set_ylabel("north, m")
@@ -263,6 +266,23 @@ def _draw_places(axes: Axes, locations: Sequence[SalientLocation]) -> list[Line2
     found = Line2D([], [], ls="", label="found place, with its number", **small)
     ellipse = Line2D([], [], label="its error ellipse, 95 %", **_ELLIPSE)
     return [found, ellipse] if locations else []
+
+
+def _draw_possible(axes: Axes, possible: Sequence[SalientLocation]) -> list[Line2D]:
+    style: dict[str, Any] = {"marker": "D", "ms": 9, "mfc": "none", "mec": "#111111", "mew": 1.2}
+    for place in possible:
+        east, north = place.position_enu[:2]
+        axes.plot(east, north, zorder=6, ls="", path_effects=_HALO, **style)
+        axes.annotate(
+            str(place.id),
+            (east, north),
+            xytext=(6, 6),
+            textcoords="offset points",
+            fontsize=9,
+            zorder=7,
+            path_effects=_HALO,
+        )
+    return [Line2D([], [], ls="", label="possible place", **style)] if possible else []
 
 
 def _draw_scale_and_north(axes: Axes) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
+from pipeline.fusion.one_person import expected_people
 from pipeline.fusion.salient import SalientLocation
 from pipeline.fusion.voxel_map import VoxelMap
 from pipeline.messages import FloatArray
@@ -26,7 +27,7 @@ class ReportData:
     """What the report shows.
 
     tracks: positions of each drone, stream -> float64 (N, >=2), ENU metres. truth: empty if not known.
-    schedule: the Gantt picture of the plan. crops: (id of the found place, PNG of what was seen there).
+    schedule: the Gantt picture of the plan. crops: (id of the found or possible place, PNG of what was seen there).
     second_look: areas worth one, the most worth first. second_flight: over them; its picture.
     """
 
@@ -59,17 +60,20 @@ def render_report(data: ReportData) -> str:
         percent=_percent,
     )
     places = summary.locations
+    listed = [*places, *summary.possible]
     return environment.get_template("report.html.j2").render(
         summary=summary,
         places=places,
+        expected=expected_people(places),
+        named={place.id for place in places},
         zone=zone_name(summary.clock),
         verdict=summary.verdict,
         distance_m={} if summary.match is None else summary.match.distance_m,
-        first_ns=min((place.first_seen_ns for place in places), default=None),
+        first_ns=min((place.first_seen_ns for place in listed), default=None),
         area_ha=observed_area_m2(data.voxel_map) / 1e4,
         captured=sum(account.captured for account in summary.streams),
         processed=sum(account.processed for account in summary.streams),
-        map_png=png(map_picture(data.voxel_map, data.tracks, summary.locations, data.truth)),
+        map_png=png(map_picture(data.voxel_map, data.tracks, places, data.truth, summary.possible)),
         schedule_png=png(data.schedule),
         crops=data.crops,
         second_look=data.second_look,

@@ -23,6 +23,9 @@ BANDS = (
     ("pod", "1"),
     ("unseen_for", "s"),
 )
+BAND_NAMES = [name for name, _ in BANDS]
+#: bands that say nothing where nobody looked
+_SILENT = [k for k, (_, unit) in enumerate(BANDS) if unit != "count"]
 _TILE = 256
 #: Cells of a map that is written whole.
 MOST_CELLS = 100_000_000
@@ -31,8 +34,9 @@ MOST_CELLS = 100_000_000
 def write_saliency(path: Path, voxel_map: VoxelMap) -> None:
     """Write the map, north up, one float32 band for each of BANDS; VoxelMap says what they are.
 
-    unseen_for: seconds from when a cell was last seen to the map's newest look; NaN: never seen. In all bands
-    NaN (the nodata value) where the terrain is unknown. The CRS is that of the map frame. Counts are exact up
+    Where nobody looked, probability, log_odds, resolution, pod and unseen_for are NaN, the nodata value: no picture
+    says anything about that ground, and counts are 0. unseen_for: seconds from when a cell was last seen to the map's
+    newest look. In all bands NaN where the terrain is unknown. The CRS is that of the map frame. Counts are exact up
     to 2^24. Of a map of more than MOST_CELLS only the part that was looked at is written. The same map gives
     the same bytes.
     """
@@ -87,5 +91,7 @@ def _bands(voxel_map: VoxelMap, window: tuple[slice, slice], newest_ns: int) -> 
     unseen_s = np.where(seen_ns == 0, np.nan, (newest_ns - seen_ns) * 1e-9)
     layers = [voxel_map.layer(name, window) for name in names]
     bands = np.stack([voxel_map.probability(window), *layers, unseen_s]).astype(np.float32)
+    nobody = bands[BAND_NAMES.index("observations")] == 0
+    bands[_SILENT] = np.where(nobody, np.nan, bands[_SILENT])
     bands[:, np.isnan(voxel_map.terrain.heights_m[window])] = np.nan
     return bands[:, ::-1]

@@ -1,4 +1,4 @@
-"""The found places as GeoJSON (RFC 7946)."""
+"""The found and the possible places as GeoJSON (RFC 7946)."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any
 
 from pipeline.fusion.error_ellipse import PROBABILITY, ErrorEllipse
 from pipeline.fusion.salient import SalientLocation
+from pipeline.geo.heights import UNKNOWN, Heights
 from pipeline.ingest.track import Clock
 from pipeline.outputs.times import iso_time, zone_name
 from pipeline.outputs.truth import TruthMatch
@@ -20,43 +21,63 @@ _DEGREE_DECIMALS, _METER_DECIMALS = 8, 3
 
 
 def write_salient(
-    path: Path, locations: Sequence[SalientLocation], match: TruthMatch | None = None, clock: Clock = "utc"
+    path: Path,
+    locations: Sequence[SalientLocation],
+    match: TruthMatch | None = None,
+    clock: Clock = "utc",
+    heights: Heights = UNKNOWN,
 ) -> None:
-    """Write one point per found place: longitude, latitude (WGS84), height (m above the terrain's datum).
+    """Write one point per place: longitude, latitude (WGS84), height above the ellipsoid; none if it is not known.
 
-    match: gives the property ``truth_distance_m``, the horizontal distance to the true place, if known.
+    match: gives the property ``truth_distance_m``, the horizontal distance to the true place, if known. heights: what
+    the map's heights, which are in the properties, count from.
     """
     distance_m = {} if match is None else match.distance_m
-    features = [_feature(location, distance_m.get(location.id), clock) for location in locations]
+    features = [_feature(location, distance_m.get(location.id), clock, heights) for location in locations]
     collection = {"type": "FeatureCollection"} | stamp("places") | {"features": features}
     write_text(path, json.dumps(collection, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
 
 
-def _feature(location: SalientLocation, truth_distance_m: float | None, clock: Clock) -> dict[str, Any]:
-    longitude, latitude, height = (
-        round(float(location.longitude_deg), _DEGREE_DECIMALS),
-        round(float(location.latitude_deg), _DEGREE_DECIMALS),
-        round(float(location.height_m), _METER_DECIMALS),
-    )
+def _feature(
+    location: SalientLocation, truth_distance_m: float | None, clock: Clock, heights: Heights
+) -> dict[str, Any]:
+    longitude, latitude = float(location.longitude_deg), float(location.latitude_deg)
+    above = heights.ellipsoidal_m(float(location.height_m), latitude, longitude)
+    point = [round(longitude, _DEGREE_DECIMALS), round(latitude, _DEGREE_DECIMALS)]
+    point += [] if above is None else [round(above, _METER_DECIMALS)]
     properties: dict[str, Any] = {
         "class": location.class_name,
         "probability": round(float(location.probability), 6),
         "seen_from": iso_time(location.first_seen_ns, clock),
         "seen_to": iso_time(location.last_seen_ns, clock),
         "clock": zone_name(clock),
-        "looks": int(location.looks),
+        "height_m": round(float(location.height_m), _METER_DECIMALS),
+        "height_datum": heights.name,
+        **support_json(location),
         "error_ellipse": ellipse_json(location.error),
         "spread_m": round(float(location.spread_m), _METER_DECIMALS),
         "cells": int(location.cells),
-        "streams": list(location.streams),
     }
     if truth_distance_m is not None:
         properties["truth_distance_m"] = round(float(truth_distance_m), _METER_DECIMALS)
     return {
         "type": "Feature",
         "id": location.id,
-        "geometry": {"type": "Point", "coordinates": [longitude, latitude, height]},
+        "geometry": {"type": "Point", "coordinates": point},
         "properties": properties,
+    }
+
+
+def support_json(place: SalientLocation) -> dict[str, Any]:
+    """What a place rests on, and how many people it may stand for, as plain values."""
+    return {
+        "looks": int(place.looks),
+        "sightings": len(place.sightings),
+        "streams": list(place.streams),
+        "setups": list(place.setups),
+        "people_at_once": int(place.people),
+        "expected_people": round(float(place.expected_people), 3),
+        "may_be_same_person_as": list(place.may_be),
     }
 
 

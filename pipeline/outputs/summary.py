@@ -10,14 +10,16 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.allocation.plan import Plan
+from pipeline.fusion.one_person import expected_people
 from pipeline.fusion.salient import SalientLocation
 from pipeline.ingest.finding import Finding
 from pipeline.ingest.track import Clock
 from pipeline.outputs.accounting import StreamAccount
-from pipeline.outputs.salient_geojson import ellipse_json
+from pipeline.outputs.salient_geojson import ellipse_json, support_json
 from pipeline.outputs.times import iso_time, zone_name
 from pipeline.outputs.truth import MATCH_RADIUS_M, TruthMatch
 from pipeline.outputs.verdict import Verdict, judge
+from pipeline.second_look.coverage import Coverage
 from pipeline.storage.versions import stamp
 from pipeline.storage.whole_or_nothing import WRITTEN_BY, write_text
 
@@ -91,7 +93,8 @@ class Summary:
     provenance: label -> text, such as versions; never a secret. clock: of the times. findings: of the checks,
     and what was assumed. left_out: samples of telemetry that were not used, stream -> reason -> count.
     own_detections: where detections that were
-    not made by this run come from, and what was assumed of them, a sentence each; empty: this run made them.
+    not made by this run come from, and what was assumed of them, a sentence each; empty: this run made them. possible:
+    places below the threshold that were detected again and again. coverage: of the ground that was to be searched.
     """
 
     mission: str
@@ -115,9 +118,19 @@ class Summary:
     def verdict(self) -> Verdict:
         """What all of it means, in one sentence."""
         boxes = sum(substream.detections for substream in self.substreams)
-        return judge(self.locations, self.match, self.not_taken, boxes, self.findings)
+        return judge(
+            self.locations,
+            self.match,
+            self.not_taken,
+            boxes,
+            self.findings,
+            possible=self.possible,
+            coverage=self.coverage,
+        )
 
     own_detections: Sequence[str] = ()
+    possible: Sequence[SalientLocation] = ()
+    coverage: Coverage | None = None
 
 
 def write_summary(path: Path, summary: Summary) -> None:
@@ -142,6 +155,9 @@ def summary_to_json(summary: Summary) -> dict[str, Any]:
         "verdict": asdict(summary.verdict),
         "clock": zone_name(summary.clock),
         "found": [_place(place, summary.clock) for place in summary.locations],
+        "expected_people": round(float(expected_people(summary.locations)), 3),
+        "possible": [_place(place, summary.clock) for place in summary.possible],
+        "coverage": None if summary.coverage is None else _coverage(summary.coverage),
         "truth": None if summary.match is None else _truth(summary.match),
         "findings": [asdict(finding) for finding in summary.findings],
         "telemetry_left_out": {name: dict(counts) for name, counts in summary.left_out.items()},
@@ -211,8 +227,21 @@ def _place(place: SalientLocation, clock: Clock) -> dict[str, Any]:
         "error_ellipse": ellipse_json(place.error),
         "seen_from": iso_time(place.first_seen_ns, clock),
         "seen_to": iso_time(place.last_seen_ns, clock),
-        "looks": int(place.looks),
+        **support_json(place),
     }
+
+
+def _coverage(coverage: Coverage) -> dict[str, Any]:
+    areas = {
+        "wanted_m2": coverage.wanted_m2,
+        "judged_m2": coverage.judged_m2,
+        "not_judged_m2": coverage.not_judged_m2,
+        "looked_at_m2": coverage.looked_m2,
+        "nobody_looked_m2": coverage.unseen_m2,
+        "seen_anywhere_m2": coverage.seen_m2,
+    }
+    rounded = {name: round(value, 1) for name, value in areas.items()}
+    return {"basis": coverage.basis, **rounded, "said": list(coverage.sentences)}
 
 
 def _truth(match: TruthMatch) -> dict[str, Any]:

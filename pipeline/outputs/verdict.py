@@ -9,8 +9,9 @@ from typing import Literal
 from pipeline.fusion.salient import SalientLocation
 from pipeline.ingest.finding import Finding
 from pipeline.outputs.truth import TruthMatch
+from pipeline.second_look.coverage import Coverage
 
-Kind = Literal["found", "nobody_found", "cannot_be_trusted"]
+Kind = Literal["found", "nobody_found", "nobody_looked", "cannot_be_trusted"]
 
 #: a map is not believed if one reason refused more than this share of the boxes, and at least so many
 _MOST_REFUSED, _LEAST_BOXES = 0.5, 20
@@ -58,12 +59,49 @@ def judge(
     not_taken: Mapping[str, int],
     boxes: int,
     findings: Sequence[Finding] = (),
+    *,
+    possible: Sequence[SalientLocation] = (),
+    coverage: Coverage | None = None,
 ) -> Verdict:
-    """boxes: reported by all detectors. not_taken: what of them the map did not take, reason -> count."""
+    """boxes: reported by all detectors. not_taken: what of them the map did not take, reason -> count.
+
+    possible: places below the threshold. coverage: of the ground that was to be searched; None: not known.
+    """
     doubt = _doubt(not_taken, boxes) or _wrong_places(findings)
-    kind: Kind = "cannot_be_trusted" if doubt else "found" if locations else "nobody_found"
-    sentence = f"This map cannot be trusted, because {doubt}." if doubt else _found(locations, match)
+    blind = coverage is not None and coverage.seen_m2 == 0.0
+    kind: Kind = (
+        "cannot_be_trusted"
+        if doubt
+        else "found"
+        if locations
+        else "nobody_looked"
+        if blind
+        else "nobody_found"
+    )
+    if doubt:
+        sentence = f"This map cannot be trusted, because {doubt}."
+    elif kind == "nobody_looked":
+        sentence = "Nobody looked: no picture showed any ground of the map, so nothing is known."
+    else:
+        said = [_found(locations, match), *_besides(possible, bool(locations))]
+        sentence = " ".join([*said, *_left_out(coverage, bool(locations) or match is not None)])
     return Verdict(kind, sentence, dict(not_taken), boxes)
+
+
+def _besides(possible: Sequence[SalientLocation], found: bool) -> list[str]:
+    if not possible:
+        return []
+    count = _count(len(possible), "possible place")
+    return [
+        f"{count} below the threshold {'is' if len(possible) == 1 else 'are'} listed{' apart' if found else ''}."
+    ]
+
+
+def _left_out(coverage: Coverage | None, known: bool) -> list[str]:
+    """What nobody looked at; what is not said in square metres is said in words."""
+    if coverage is not None:
+        return list(coverage.sentences)
+    return [] if known else ["Ground that was not looked at may still hide a person."]
 
 
 def _doubt(not_taken: Mapping[str, int], boxes: int) -> str | None:
@@ -88,7 +126,7 @@ def _found(locations: Sequence[SalientLocation], match: TruthMatch | None) -> st
     """One sentence: how many people were found, and how well, if that is known."""
     if match is None:
         if not locations:
-            return "No place reached the threshold. Ground that was not looked at may still hide a person."
+            return "No place reached the threshold."
         best = max(place.probability for place in locations)
         return f"{_count(len(locations), 'place')} where a person is likely; the most probable at {best:.0%}."
     sentence = f"{len(match.found)} of {_count(match.people, 'person', 'people')} found"

@@ -13,22 +13,24 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from pipeline.config.fusion import Fusion
+from pipeline.config.second_look import SecondLook
 from pipeline.fusion.voxel_map import VoxelMap
 from pipeline.geo.camera import Camera
-from pipeline.geo.search_area import load_search_area
+from pipeline.geo.search_area import SearchArea, load_search_area
 from pipeline.geo.terrain import Terrain
 from pipeline.messages import FloatArray
 from pipeline.second_look.areas import SecondLookArea, layers_of, second_look_areas
+from pipeline.second_look.coverage import Coverage
 from pipeline.second_look.flight import SecondFlight, plan_second_flight
 
 
 @dataclass(frozen=True, eq=False)
 class SecondLookPlan:
-    """areas: the most worth first. flight: over them. searched_m2: of the ground that was to be searched."""
+    """areas: the most worth first. flight: over them. coverage: of the ground that was to be searched."""
 
     areas: tuple[SecondLookArea, ...]
     flight: SecondFlight
-    searched_m2: float
+    coverage: Coverage
 
 
 def plan_second_look(
@@ -40,31 +42,66 @@ def plan_second_look(
     search_area: Path | None,
 ) -> SecondLookPlan:
     """camera: of the first stream, which flies again. tracks: stream -> positions, float64 (N, >=2)."""
-    searched = searched_cells(search_area, terrain, tracks)
-    corner = (terrain.east_m, terrain.north_m)
-    areas = second_look_areas(layers_of(voxel_map), searched, corner, terrain.cell_m, fusion)
+    wanted = wanted_ground(search_area, terrain, tracks, fusion.second_look)
+    searched = cells_inside(wanted, terrain)
+    layers, corner = layers_of(voxel_map), (terrain.east_m, terrain.north_m)
+    areas = second_look_areas(layers, searched, corner, terrain.cell_m, fusion)
     home = next(iter(tracks.values()))[0, :2]
     flight = plan_second_flight(areas, camera, terrain, home, fusion.second_look)
-    return SecondLookPlan(areas, flight, float(searched.sum()) * terrain.cell_m**2)
+    judged, seen, cell_m2 = (
+        searched & np.isfinite(terrain.heights_m),
+        layers.observations > 0,
+        terrain.cell_m**2,
+    )
+    coverage = Coverage(
+        "none" if wanted is None else "area" if search_area is not None else "ways",
+        0.0 if wanted is None else wanted.area_m2,
+        float(judged.sum()) * cell_m2,
+        float((judged & seen).sum()) * cell_m2,
+        float(seen.sum()) * cell_m2,
+    )
+    return SecondLookPlan(areas, flight, coverage)
 
 
-def searched_cells(
-    area: Path | None, terrain: Terrain, tracks: Mapping[str, FloatArray]
-) -> NDArray[np.bool_]:
-    """Cells (rows, columns) whose middle lies in the mission's search area, or in the hull of the tracks."""
-    if area is None:
-        points = np.concatenate([track[:, :2] for track in tracks.values()])
-        try:
-            polygons: tuple[tuple[FloatArray, ...], ...] = ((points[ConvexHull(points).vertices],),)
-        except (QhullError, ValueError):  # a drone that hovers, or flies one straight line, encloses nothing
-            return np.zeros(terrain.shape, dtype=bool)
-    else:
-        polygons = load_search_area(area, terrain.frame).polygons
+def wanted_ground(
+    area: Path | None, terrain: Terrain, tracks: Mapping[str, FloatArray], params: SecondLook
+) -> SearchArea | None:
+    """The mission's search area, or the hull of the tracks; None where they enclose nothing.
+
+    A drone that hovers or flies one straight line encloses nothing, nor does one whose positions only wander about
+    such a line.
+    """
+    if area is not None:
+        return load_search_area(area, terrain.frame)
+    points = np.concatenate([track[:, :2] for track in tracks.values()])
+    try:
+        hull = points[ConvexHull(points).vertices]
+    except (QhullError, ValueError):
+        return None
+    return SearchArea(((hull,),)) if _least_width_m(hull) >= params.ways_width_min else None
+
+
+def _least_width_m(hull: FloatArray) -> float:
+    """The distance of two parallel lines that hold the hull (N, 2) between them: one of them lies on an edge."""
+    edges = np.roll(hull, -1, axis=0) - hull
+    normals = np.stack([-edges[:, 1], edges[:, 0]], axis=1) / np.linalg.norm(edges, axis=1)[:, None]
+    return float(np.ptp(hull @ normals.T, axis=0).min())
+
+
+def cells_inside(wanted: SearchArea | None, terrain: Terrain) -> NDArray[np.bool_]:
+    """Cells (rows, columns) whose middle lies in the area; those that it touches, if it is smaller than a cell."""
+    if wanted is None:
+        return np.zeros(terrain.shape, dtype=bool)
     shapes = [
         {"type": "Polygon", "coordinates": [[*map(tuple, ring), tuple(ring[0])] for ring in rings]}
-        for rings in polygons
+        for rings in wanted.polygons
     ]
     cell = terrain.cell_m
     transform = rasterio.Affine(cell, 0.0, terrain.east_m, 0.0, cell, terrain.north_m)
-    inside = rasterio.features.geometry_mask(shapes, terrain.shape, transform, invert=True)
+    for all_touched in (False, True):
+        inside = rasterio.features.geometry_mask(
+            shapes, terrain.shape, transform, all_touched=all_touched, invert=True
+        )
+        if inside.any():
+            break
     return np.asarray(inside, dtype=bool)

@@ -37,6 +37,7 @@ _UNITS = {
     "resolution_min": ("pixels", 1.0),
     "merge_distance": ("meters", 1.0),
     "height": ("meters", 1.0),
+    "ways_width_min": ("meters", 1.0),
     "speed": ("meters_per_second", 1.0),
     "hover": ("seconds", 1.0),
 }

@@ -1,3 +1,4 @@
+import dataclasses
 import math
 
 import numpy as np
@@ -8,7 +9,9 @@ from pipeline.fusion.localization import locate, mean_intersection
 from pipeline.fusion.look import Look
 from pipeline.fusion.salient import salient_locations
 from pipeline.fusion.voxel_map import VoxelMap, log_odds
+from pipeline.geo.frame import LocalFrame
 from pipeline.geo.pose import enu_from_camera
+from pipeline.geo.terrain import Terrain
 from pipeline.messages import CameraPose, Detections
 
 STANDING, LYING = (0.5, 0.4, 1.75), (0.5, 1.75, 0.25)
@@ -39,6 +42,7 @@ def test_one_look_gives_its_own_place_not_the_cells_centre(plane, params):
     np.testing.assert_allclose(found.position_enu, [0.05, 0.4, 0.0], atol=1e-6)
     assert found.probability == pytest.approx(0.8, abs=1e-6)
     assert (found.id, found.class_name, found.cells, found.looks) == (1, "person", 1, 1)
+    assert (found.setups, found.people, found.expected_people) == (("d",), 1, pytest.approx(0.8, abs=1e-6))
 
 
 def test_latitude_and_longitude_are_those_of_the_position(plane, params):
@@ -52,7 +56,8 @@ def test_cells_within_the_cluster_distance_are_one_place_and_others_are_not(plan
     norths = (0.25, 1.75, 3.25, 5.25)  # steps of 1.5, 1.5 and 2 m
     looks = [_look(0.25, north, terrain=plane, time_ns=i) for i, north in enumerate(norths)]
     first, second = salient_locations(_raised(plane, looks), looks, params)
-    assert (first.cells, first.looks, first.first_seen_ns, first.last_seen_ns) == (3, 3, 0, 2)
+    assert (first.cells, len(first.sightings), first.looks) == (3, 3, 1)
+    assert (first.first_seen_ns, first.last_seen_ns) == (0, 2)
     assert second.cells == 1
     assert first.position_enu[1] == pytest.approx(1.75, abs=1e-3)
     assert first.spread_m == pytest.approx(math.sqrt(1.5), abs=1e-3)
@@ -120,3 +125,62 @@ def test_parallax_places_a_lying_body_better_than_the_papers_average(plane, para
     _fly_over(fuser, camera, LYING, 0.0)
     assert math.hypot(*mean_intersection(fuser.looks)[:2]) > 0.5
     assert math.hypot(*locate(fuser.looks)) < 0.25
+
+
+CORNERS = [(2.0, 2.0), (2.0, 3.0), (1.0, 1.0), (0.5, 0.5), (4.0, 0.5), (3.0, 1.0), (0.25, 10.0)]
+
+
+@pytest.mark.parametrize(("cell_m", "cluster_m"), CORNERS)
+@pytest.mark.parametrize("share", [(0.5, 0.5), (0.02, 0.03), (0.97, 0.01), (0.0, 0.99)])
+def test_no_cell_above_the_threshold_is_left_out(params, cell_m, cluster_m, share):
+    terrain = Terrain(LocalFrame(47.0, 8.0), -40.0, -40.0, cell_m, np.zeros((40, 40), dtype=np.float32))
+    point = -40.0 + cell_m * (7.0 + np.array(share))
+    looks = [_look(*point, terrain=terrain)]
+    voxel_map = _raised(terrain, looks)
+    (found,) = salient_locations(voxel_map, looks, params.model_copy(update={"cluster_distance": cluster_m}))
+    assert len(found.sightings) == 1
+    np.testing.assert_allclose(found.position_enu[:2], point, atol=1e-6)
+
+
+def test_a_sighting_on_a_wall_belongs_to_its_cell(params):
+    heights = np.zeros((160, 160), dtype=np.float32)
+    heights[:, 80:] = 9.0  # a house
+    terrain = Terrain(LocalFrame(47.0, 8.0), -40.0, -40.0, 0.5, heights)
+    look = _look(0.02, 0.1, terrain=terrain)
+    look.intersection_enu[2] = 4.0  # the ray meets the wall, 5 m below the middle of the roof's cell
+    (found,) = salient_locations(_raised(terrain, [look]), [look], params)
+    assert len(found.sightings) == 1
+
+
+def test_cells_that_touch_are_one_place_whatever_the_cluster_distance(plane, params):
+    looks = [_look(0.3, 0.3, terrain=plane), _look(0.8, 0.8, terrain=plane), _look(2.3, 0.3, terrain=plane)]
+    near = params.model_copy(update={"cluster_distance": 0.1})
+    first, second = salient_locations(_raised(plane, looks), looks, near)
+    assert sorted((first.cells, second.cells)) == [1, 2]
+
+
+def test_cells_that_no_sighting_is_near_are_listed_where_they_are(plane, params):
+    looks = [_look(9.0, 9.0, terrain=plane)]
+    voxel_map = _raised(plane, looks)
+    rows, columns = plane.cells(np.array([[-5.1, 3.0], [-4.6, 3.0]])).T
+    voxel_map.update(rows, columns, np.full(2, 2.0))
+    voxel_map.tiles.cells["last_seen_ns"][voxel_map.tiles.flat(rows, columns)] = 7, 5
+    lonely, seen = sorted(salient_locations(voxel_map, looks, params), key=lambda place: place.looks)
+    assert (lonely.looks, lonely.sightings, lonely.streams, seen.looks) == (0, (), (), 1)
+    np.testing.assert_allclose(lonely.position_enu[:2], [-5.0, 3.25], atol=1e-9)
+    assert (lonely.first_seen_ns, lonely.last_seen_ns) == (7, 7)
+    assert lonely.error.contains(np.array([0.45, 0.2]))
+    assert lonely.probability == pytest.approx(1.0 / (1.0 + math.exp(-2.0)))
+
+
+def test_what_supports_a_place_is_told(plane, params):
+    at = [("a", "m:nano", 0), ("a", "m:nano", 10**8), ("a", "m:small", 10**8), ("b", "n:nano", 10**8)]
+    at += [("a", "m:nano", 5 * 10**9)]
+    looks = [
+        dataclasses.replace(_look(0.0, 0.0, terrain=plane, stream=s, time_ns=t, p=0.7), detector=d)
+        for s, d, t in at
+    ]
+    (found,) = salient_locations(_raised(plane, looks), looks, params)
+    assert (len(found.sightings), found.looks) == (5, 3)  # a, b at the same time, and a again
+    assert (found.streams, found.setups) == (("a", "b"), ("m:nano", "m:small", "n:nano"))
+    assert found.last_seen_ns == 5 * 10**9

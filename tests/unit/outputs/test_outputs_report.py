@@ -14,6 +14,7 @@ from pipeline.outputs.report import ReportData, render_report, write_report
 from pipeline.outputs.truth import match_truth
 from pipeline.outputs.verdict import judge
 from pipeline.second_look.areas import SecondLookArea
+from pipeline.second_look.coverage import Coverage
 from pipeline.second_look.flight import SecondFlight, Waypoint
 
 Search = Callable[..., ReportData]
@@ -118,5 +119,33 @@ def test_the_second_look_is_a_section_of_its_own(search: Search) -> None:
     for text in ("Worth a second look", "low probability of detection (12)", "300 m long", "2.0 minutes"):
         assert text in html, text
     nothing = SecondFlight((), np.zeros(3), 0.0, 0.0, ())
-    html = render_report(replace(data, second_flight=nothing, second_picture=picture))
-    assert "was seen well" in html
+    complete = Coverage("ways", 100.0, 100.0, 100.0, 300.0)
+    summary = replace(data.summary, coverage=complete)
+    html = render_report(replace(data, summary=summary, second_flight=nothing, second_picture=picture))
+    assert "all of it was seen well, and the map is decided there" in html
+
+
+@pytest.mark.parametrize(
+    "coverage", [Coverage("none", 0.0, 0.0, 0.0, 500.0), Coverage("area", 1600.0, 388.0, 388.0, 500.0)]
+)
+def test_what_was_not_judged_is_no_success(search: Search, coverage: Coverage) -> None:
+    data = search()
+    nothing = SecondFlight((), np.zeros(3), 0.0, 0.0, ())
+    picture = second_look_picture(data.voxel_map, [], nothing)
+    summary = replace(data.summary, coverage=coverage)
+    html = render_report(replace(data, summary=summary, second_flight=nothing, second_picture=picture))
+    assert "Not judged" in html
+    assert "all of it was seen well" not in html
+    assert ("decided" in html) == (coverage.basis == "area")
+
+
+def test_possible_places_have_a_section_and_pictures_of_their_own(search: Search) -> None:
+    data = search(known=False)
+    possible = location(4, 3.0, 3.0, 0.41)
+    summary = replace(data.summary, possible=[possible])
+    html = render_report(replace(data, summary=summary, crops=[(1, b"one"), (4, b"four")]))
+    section = html.partition("Possible places")[2].partition("What the cameras saw")
+    assert "41.0 %" in section[0]
+    assert 'alt="Picture of possible place 4"' in section[2]
+    assert 'alt="Picture of found place 1"' in section[2]
+    assert "41.0 %" not in html.partition("Possible places")[0]

@@ -28,9 +28,30 @@ def test_what_is_read_back_equals_the_map(search: Search, tmp_path: Path) -> Non
         assert source.profile["tiled"]
         assert source.compression.name == "deflate"
     assert np.isnan(bands[:, ~known]).all()
-    np.testing.assert_array_equal(bands[1][known], voxel_map.log_odds[known])
     np.testing.assert_array_equal(bands[2][known], voxel_map.observations[known])
-    np.testing.assert_allclose(bands[0][known], 1 / (1 + np.exp(-voxel_map.log_odds[known])), rtol=1e-6)
+    looked = known & (voxel_map.observations > 0)
+    np.testing.assert_array_equal(bands[1][looked], voxel_map.log_odds[looked])
+    np.testing.assert_allclose(bands[0][looked], 1 / (1 + np.exp(-voxel_map.log_odds[looked])), rtol=1e-6)
+
+
+def test_where_nobody_looked_there_is_no_data_and_where_somebody_did_one_half_is_a_value(
+    tmp_path: Path,
+) -> None:
+    voxel_map = map_of(SIZE, np.zeros((0, 2)))
+    rows, columns = np.array([8]), np.array([9])
+    voxel_map.tiles.cells["log_odds"][voxel_map.tiles.flat(rows, columns)] = 0.0  # looked at, and undecided
+    write_saliency(tmp_path / "saliency.tif", voxel_map)
+    nobody = np.isfinite(voxel_map.terrain.heights_m) & (voxel_map.observations == 0)
+    assert nobody.any()
+    with rasterio.open(tmp_path / "saliency.tif") as source:
+        bands = dict(zip(source.descriptions, source.read(masked=True)[:, ::-1], strict=True))
+    for name in ("probability", "log_odds", "resolution", "pod", "unseen_for"):
+        assert bands[name].mask[nobody].all(), name
+    assert not bands["probability"].mask[8, 9]
+    assert bands["probability"][8, 9] == 0.5
+    for name in ("observations", "looks"):
+        assert (bands[name][nobody] == 0.0).all()
+        assert not bands[name].mask[nobody].any()
 
 
 def test_north_is_up_and_a_place_is_where_it_is(search: Search, tmp_path: Path) -> None:

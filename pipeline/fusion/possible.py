@@ -1,0 +1,76 @@
+"""Possible places: below the threshold, but detected again and again.
+
+A map that is not sure says so. What stays here are the sightings that no found place rests on: those closer than the
+cluster distance make a group, and a group of enough frames is a possible place, unless it may be the person of a found
+place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from pipeline.config.fusion import Fusion
+from pipeline.fusion.look import Look
+from pipeline.fusion.one_person import may_be_one, with_may_be
+from pipeline.fusion.salient import (
+    Cluster,
+    SalientLocation,
+    connected,
+    location,
+    locations_of_all_classes,
+)
+from pipeline.fusion.sightings import count_frames
+from pipeline.fusion.voxel_map import VoxelMap
+
+
+def found_and_possible(
+    maps: Mapping[str, VoxelMap], looks: Sequence[Look], params: Fusion
+) -> tuple[tuple[SalientLocation, ...], tuple[SalientLocation, ...]]:
+    """The places above the threshold in the order of first sight, and the possible ones, the most probable first.
+
+    maps: by class name. Ids go on from the found places to the possible ones.
+    """
+    found = with_may_be(locations_of_all_classes(maps, looks, params), params.uncertainty)
+    taken = {id(sighting) for place in found for sighting in place.sightings}
+    possible: list[SalientLocation] = []
+    for name, voxel_map in maps.items():
+        left = [look for look in looks if look.class_name == name and id(look) not in taken]
+        possible += _groups(voxel_map, left, params, name)
+    apart = [
+        place
+        for place in possible
+        if not any(may_be_one(place, other, params.uncertainty) for other in found)
+    ]
+    apart.sort(key=lambda place: (-place.probability, -len(place.sightings), place.first_seen_ns))
+    ids = range(len(found) + 1, len(found) + len(apart) + 1)
+    return found, tuple(replace(place, id=i) for i, place in zip(ids, apart, strict=True))
+
+
+def _groups(
+    voxel_map: VoxelMap, looks: Sequence[Look], params: Fusion, class_name: str
+) -> list[SalientLocation]:
+    if not looks:
+        return []
+    points = np.array([look.intersection_enu for look in looks])
+    pairs = cKDTree(points).query_pairs(params.cluster_distance, output_type="ndarray")
+    count, labels = connected(len(looks), pairs)
+    groups = [[looks[i] for i in np.flatnonzero(labels == k).tolist()] for k in range(count)]
+    return [
+        location(voxel_map.terrain, params.uncertainty, class_name, _cluster(voxel_map, group))
+        for group in groups
+        if count_frames(group) >= params.possible_frames
+    ]
+
+
+def _cluster(voxel_map: VoxelMap, looks: list[Look]) -> Cluster:
+    """probability: of the likeliest cell that the looks raised."""
+    cells = np.unique(np.array([(look.row, look.column) for look in looks]), axis=0)
+    rows, columns = cells.T
+    log_odds = voxel_map.cells_of("log_odds", rows, columns)
+    probability = float((1.0 / (1.0 + np.exp(-log_odds.astype(np.float64)))).max())
+    newest_ns = max(look.time_ns for look in looks)
+    return Cluster(probability, voxel_map.terrain.centers(rows, columns), newest_ns, looks)
