@@ -83,10 +83,11 @@ def check(
     result = plan(prepared)
     for finding in (*prepared.findings, *push_one_picture(prepared, result)):
         _say(str(finding))
-    _say(
-        f"{mission}: usable; {len(prepared.streams)} streams, {len(result.assignments)} substreams planned "
-        f"({result.status}, objective {result.objective:.4g})"
-    )
+    for a in result.assignments:
+        which = "every picture" if a.period == 1 else f"one picture of {a.period}"
+        _say(f"planned: {a.stream}: {a.pool_detector} looks at {which}, on {a.machine}")
+    streams = "1 stream" if len(prepared.streams) == 1 else f"{len(prepared.streams)} streams"
+    _say(f"{mission}: usable; {streams}; plan: {result.status}, objective {result.objective:.4g}")
 
 
 @app.command()

@@ -20,7 +20,8 @@ def init(
         result = init_mission(folder, progress)
     for path, reason in result.unused.items():
         say(f"not used: {path}: {reason}")
-    say(f"wrote {result.mission} with {result.streams} streams, inventory.yaml and pool.yaml beside it")
+    streams = "1 stream" if result.streams == 1 else f"{result.streams} streams"
+    say(f"wrote {result.mission} with {streams}, inventory.yaml and pool.yaml beside it")
     for line in result.to_fill:
         say(f"to fill in, {line}")
     then = "fill these in, then" if result.to_fill else "next:"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import reprlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -12,11 +12,13 @@ import yaml
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 from pydantic_core import ErrorDetails, PydanticCustomError
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, SeveralInputsError
 
 _MISMATCH = "mismatch"
 #: of every YAML format; written by what writes them, another one is refused
 FORMAT_VERSION = 1
+#: what ``searchlight init`` writes where only a person can know the value
+FILL_IN = "FILL IN"
 
 
 def mismatch(found: str, expected: str, at: Sequence[str | int] = ()) -> PydanticCustomError:
@@ -59,6 +61,7 @@ def load(path: Path, schema: type[S]) -> S:
     """
     node = _parse(path)
     document = _plain(path, node)
+    _refuse_unfilled(path, node)
     version = document.pop("version", FORMAT_VERSION)
     if type(version) is not int or version != FORMAT_VERSION:
         where = f"{path}:{_line(node, ('version',))} version"
@@ -128,6 +131,32 @@ def _refuse_duplicates(path: Path, node: yaml.Node, visited: set[int]) -> None:
         for key, value in node.value:
             _require_new_key(path, key, keys)
             _refuse_duplicates(path, value, visited)
+
+
+def _refuse_unfilled(path: Path, node: yaml.Node) -> None:
+    faults = tuple(
+        InputError(f"{path}:{line} {'.'.join(way)}", FILL_IN, "a value in its place: only you can know it")
+        for way, line in _unfilled(node, (), set())
+    )
+    if faults:
+        raise SeveralInputsError(faults) if faults[1:] else faults[0]
+
+
+def _unfilled(
+    node: yaml.Node, way: tuple[str, ...], visited: set[int]
+) -> Iterator[tuple[tuple[str, ...], int]]:
+    """The way to, and the line of, every value that is still to be filled in."""
+    if id(node) in visited:
+        return  # an alias, as above
+    visited.add(id(node))
+    if isinstance(node, yaml.ScalarNode) and node.value == FILL_IN:
+        yield way, node.start_mark.line + 1
+    if isinstance(node, yaml.SequenceNode):
+        for number, item in enumerate(node.value):
+            yield from _unfilled(item, (*way, str(number)), visited)
+    if isinstance(node, yaml.MappingNode):
+        for key, value in node.value:
+            yield from _unfilled(value, (*way, _one_line(str(key.value))), visited)
 
 
 def _require_new_key(path: Path, key: yaml.Node, keys: set[str]) -> None:

@@ -12,7 +12,7 @@ import jinja2
 import numpy as np
 import yaml
 
-from pipeline.config.base import FORMAT_VERSION
+from pipeline.config.base import FILL_IN, FORMAT_VERSION
 from pipeline.config.terrain import Datum
 from pipeline.geo.frame import LocalFrame
 from pipeline.geo.surface_model import SurfaceModel, bounds_m
@@ -20,8 +20,6 @@ from pipeline.ingest.ground import window_about
 from pipeline.ingest.track import Track
 
 SITE = "here"
-#: the placeholder of what only a person can know
-FILL_IN = "FILL IN"
 #: more pictures a second show the same person again
 _MOST_RATE_HZ = 5.0
 #: cells (m) by how well positions are known: looks scatter over cells that are finer than their error

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 from scipy.special import expit, log_expit, logit
 
 from pipeline.config.pool import Calibration
@@ -33,6 +32,8 @@ def fit_calibration(scores: FloatArray, right: NDArray[np.bool_]) -> Calibration
     With Platt's targets, short of 0 and 1 by as little as the counts allow, so that it is finite even where
     the scores part right from wrong. None where it would not rise, or nothing is right or nothing is wrong.
     """
+    from scipy.optimize import minimize  # slow to import, and a mission only applies what was fitted
+
     good, bad = int(right.sum()), int((~right).sum())
     if not good or not bad:
         return None

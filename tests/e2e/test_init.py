@@ -17,6 +17,7 @@ from rasterio.windows import Window
 
 from actors.cli import main
 from pipeline.config.mission import load_mission
+from pipeline.errors import InputError
 from pipeline.init import init_mission as init_module
 from pipeline.init.contents import contents_of
 from pipeline.init.draft import mission_text
@@ -166,8 +167,11 @@ def test_what_only_a_person_can_know_is_listed_and_the_mission_is_refused_until_
     text = " ".join(result.to_fill)
     for field in ("file: FILL IN", "field_of_view"):
         assert field in text
-    with pytest.raises(Exception, match=r"mission\.yaml"):
+    with pytest.raises(InputError) as refused:
         load_mission(result.mission)
+    lines = str(refused.value).splitlines()
+    assert [line.split(":")[1].split()[0] for line in lines] == [f.split(":")[0][5:] for f in result.to_fill]
+    assert all("FILL IN" in line and "only you can know it" in line for line in lines)
 
 
 def test_nothing_is_overwritten_and_an_empty_folder_is_refused(card: Path, tmp_path: Path) -> None:

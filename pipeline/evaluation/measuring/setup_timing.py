@@ -66,10 +66,8 @@ def time_setup(
 ) -> SetupTiming:
     """Measure one detector in one setup on this machine. images: (H, W, 3) each, gone through in turn."""
     job = (model, setup, images, pictures, warm_up, score_cutoff, reading)
-    progress("memory")
-    memory = _apart(_peak_memory, *job)
     progress("alone")
-    taken, worked = _apart(_times, *job)
+    memory, taken, worked = _apart(_alone, *job)
     slower = {}
     for count in sorted(sharing):
         progress(f"{count} side by side")
@@ -97,7 +95,7 @@ def _apart(function: Callable[..., Any], *arguments: Any) -> Any:
         return pool.submit(function, *arguments).result()
 
 
-def _peak_memory(
+def _alone(
     model: Path,
     setup: Setup,
     images: Pictures,
@@ -105,20 +103,34 @@ def _peak_memory(
     warm_up: int,
     score_cutoff: float,
     reading: Reading,
-) -> int:
-    """Bytes by which this fresh process grows at most when it opens the model and looks at pictures."""
+) -> tuple[int, FloatArray, float | None]:
+    """Memory and times in this fresh process.
+
+    Bytes by which it grows at most when it opens the model and warms up; seconds for each picture, and the share
+    of the wall time without work, if one thread does it all.
+    """
     resize(images[0], 64, 64)  # the resize kernel is everybody's, not the detector's
     before = _status_bytes("VmRSS")
-    detector = _opened(model, setup, score_cutoff, reading)
-    for k in range(warm_up):
-        detector.detect(images[k % len(images)])
-    return _status_bytes("VmHWM") - before
+    detector = _warm(model, setup, images, warm_up, score_cutoff, reading)
+    memory = _status_bytes("VmHWM") - before
+    clock = time.thread_time if setup.clock == "processor" else time.perf_counter
+    wall, work = time.perf_counter(), time.thread_time()
+    taken = _times(detector, images, pictures, clock)
+    wall, work = time.perf_counter() - wall, time.thread_time() - work
+    one_thread = setup.threads == 1 and setup.provider == "cpu"
+    return memory, taken, max(0.0, 1.0 - work / wall) if one_thread else None
 
 
-def _opened(model: Path, setup: Setup, score_cutoff: float, reading: Reading) -> Detector:
-    return load_as(
+def _warm(
+    model: Path, setup: Setup, images: Pictures, warm_up: int, score_cutoff: float, reading: Reading
+) -> Detector:
+    """The detector, opened, and past its first pictures."""
+    detector = load_as(
         model, reading, score_threshold=score_cutoff, threads=setup.threads, provider=setup.provider
     )
+    for k in range(warm_up):
+        detector.detect(images[k % len(images)])
+    return detector
 
 
 def _status_bytes(name: str) -> int:
@@ -131,25 +143,9 @@ def _status_bytes(name: str) -> int:
     raise RunFailedError(f"{path} without {name}")
 
 
-def _times(
-    model: Path,
-    setup: Setup,
-    images: Pictures,
-    pictures: int,
-    warm_up: int,
-    score_cutoff: float,
-    reading: Reading,
-) -> tuple[FloatArray, float | None]:
-    """Seconds for each picture, and the share of the wall time without work, if one thread does it all."""
-    detector = _opened(model, setup, score_cutoff, reading)
-    clock = time.thread_time if setup.clock == "processor" else time.perf_counter
-    for k in range(warm_up):
-        detector.detect(images[k % len(images)])
-    wall, work = time.perf_counter(), time.thread_time()
-    taken = np.array([_timed(detector, images[k % len(images)], clock) for k in range(pictures)])
-    wall, work = time.perf_counter() - wall, time.thread_time() - work
-    alone = setup.threads == 1 and setup.provider == "cpu"
-    return taken, max(0.0, 1.0 - work / wall) if alone else None
+def _times(detector: Detector, images: Pictures, pictures: int, clock: Callable[[], float]) -> FloatArray:
+    """Seconds for each picture."""
+    return np.array([_timed(detector, images[k % len(images)], clock) for k in range(pictures)])
 
 
 def _timed(detector: Detector, image: NDArray[np.uint8], clock: Callable[[], float]) -> float:
@@ -159,25 +155,22 @@ def _timed(detector: Detector, image: NDArray[np.uint8], clock: Callable[[], flo
 
 
 def _slow_down(job: tuple[Any, ...], count: int) -> float:
-    """Median wall time for a picture with count copies at work, by that of one copy, measured just before."""
-    return max(1.0, _side_by_side(job, count) / _side_by_side(job, 1))
-
-
-def _side_by_side(job: tuple[Any, ...], count: int) -> float:
-    """Median seconds for a picture, over all copies; all work from the first start to the last end."""
+    """Median wall time for a picture with count copies at work, by that of one of them, measured just before."""
     context = multiprocessing.get_context("spawn")
-    shared = context.Barrier(count), context.Value("i", 0)
+    shared = context.Barrier(count), context.Value("i", 0), context.Value("i", 0)
     with ProcessPoolExecutor(count, context, _join_copies, shared) as pool:
-        parts = [pool.submit(_copy, *job) for _ in range(count)]
-        return float(np.median(np.concatenate([part.result() for part in parts])))
+        parts = [part.result() for part in [pool.submit(_copy, *job) for _ in range(count)]]
+    alone = next(alone for alone, _ in parts if alone is not None)
+    together = np.concatenate([together for _, together in parts])
+    return max(1.0, float(np.median(together)) / float(np.median(alone)))
 
 
-#: of a copy's process: where all copies start together, and how many have measured
+#: of a copy's process: where all copies wait for each other; how many have begun, and have measured
 _together: dict[str, Any] = {}
 
 
-def _join_copies(barrier: Any, measured: Any) -> None:
-    _together.update(barrier=barrier, measured=measured)
+def _join_copies(barrier: Any, begun: Any, measured: Any) -> None:
+    _together.update(barrier=barrier, begun=begun, measured=measured)
 
 
 def _copy(
@@ -188,15 +181,19 @@ def _copy(
     warm_up: int,
     score_cutoff: float,
     reading: Reading,
-) -> FloatArray:
-    barrier, measured = _together["barrier"], _together["measured"]
+) -> tuple[FloatArray | None, FloatArray]:
+    """Seconds for each picture: of the first copy alone, while the others wait (None of those); of all together."""
+    barrier, begun, measured = _together["barrier"], _together["begun"], _together["measured"]
+    with begun:
+        first = begun.value == 0
+        begun.value += 1
     try:
-        detector = _opened(model, setup, score_cutoff, reading)
-        for k in range(warm_up):
-            detector.detect(images[k % len(images)])
+        detector = _warm(model, setup, images, warm_up, score_cutoff, reading)
         barrier.wait(_START_TIMEOUT_S)
-        clock = time.perf_counter
-        return np.array([_timed(detector, images[k % len(images)], clock) for k in range(pictures)])
+        alone = _times(detector, images, pictures, time.perf_counter) if first else None
+        # the others wait for as long as the first one's pictures take
+        barrier.wait()
+        return alone, _times(detector, images, pictures, time.perf_counter)
     except Exception:
         barrier.abort()  # or the others would wait
         raise

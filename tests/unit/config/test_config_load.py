@@ -3,6 +3,7 @@ from pathlib import Path
 
 import pytest
 
+from pipeline.config.base import Strict, load
 from pipeline.config.inventory import load_inventory
 from pipeline.errors import InputError
 
@@ -117,3 +118,23 @@ def test_aliases_that_double_or_contain_themselves_end(tmp_path: Path) -> None:
         with pytest.raises(InputError) as caught:
             load_inventory(path)
         assert len(str(caught.value)) < 600
+
+
+@pytest.mark.parametrize(
+    ("text", "lines"),
+    [
+        ("name: FILL IN\nsize: {meters: 1}\n", ["1 name"]),
+        ("name: a\nsize: {meters: FILL IN}\n", ["2 size.meters"]),
+        ("name: FILL IN\nparts: [a, FILL IN]\n", ["1 name", "2 parts.1"]),
+    ],
+)
+def test_every_value_that_is_still_to_be_filled_in_is_named(
+    tmp_path: Path, text: str, lines: list[str]
+) -> None:
+    path = tmp_path / "x.yaml"
+    path.write_text(text)
+    with pytest.raises(InputError) as refused:
+        load(path, Strict)
+    found = str(refused.value).splitlines()
+    assert [line.split(": found")[0] for line in found] == [f"{path}:{where}" for where in lines]
+    assert all("found FILL IN; expected a value in its place" in line for line in found)
