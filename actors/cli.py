@@ -158,12 +158,31 @@ def demo(
 def train(
     config: Annotated[Path, typer.Argument(help="The training configuration (YAML).")],
     out: Annotated[Path, typer.Option(help="Folder for data, checkpoints and the ONNX file.")],
+    leave_one_out: Annotated[
+        bool,
+        typer.Option(
+            "--leave-one-out", help="Train without each flight in turn and print what it finds there."
+        ),
+    ] = False,
+    steps: Annotated[
+        int | None, typer.Option(min=1, help="Of each training of --leave-one-out: a shorter schedule.")
+    ] = None,
 ) -> None:
-    """Train a person detector on simulated scenes (needs the extra 'train')."""
-    with _needs_training(), _progress("steps") as progress:
+    """Train a person detector on simulated scenes or labelled pictures (needs the extra 'train')."""
+    if steps is not None and not leave_one_out:
+        raise InputError(
+            "--steps", str(steps), "--leave-one-out beside it; a training's steps are in its file"
+        )
+    with _needs_training():
+        if leave_one_out:
+            from actors.commands.leave_one_out import print_folds
+
+            print_folds(config, out, steps)
+            return
         from pipeline.training.train import train as train_detector
 
-        train_detector(config, out, progress=progress)
+        with _progress("steps") as progress:
+            train_detector(config, out, progress=progress)
 
 
 @contextmanager

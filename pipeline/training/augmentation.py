@@ -25,7 +25,8 @@ class AugmentationParams(Strict):
     scale_min, scale_max: size of things relative to what the network sees of a whole picture.
     on_person: share of crops around a person. degraded: share from the pictures after the codec.
     light: largest change of brightness and contrast, as a share. tint: of each colour. noise: largest
-    standard deviation, of values 0..255. blur: share of crops that are blurred.
+    standard deviation, of values 0..255. blur: share of crops that are blurred. inverted: share of crops in
+    the other polarity, as thermal cameras show them (black hot).
     visible_min: people less visible than this, and edge_min: boxes with a shorter edge (pixels of the input),
     are neither right nor wrong.
     """
@@ -39,6 +40,7 @@ class AugmentationParams(Strict):
     tint: Fraction
     noise: float = Field(ge=0.0)
     blur: Fraction
+    inverted: Fraction = 0.0
     visible_min: Fraction
     edge_min: float = Field(ge=0.0)
 
@@ -56,7 +58,7 @@ def random_crop(
     pictures: PictureSet, network_width: int, params: AugmentationParams, rng: np.random.Generator
 ) -> Crop:
     """A random crop of a random picture."""
-    index = int(rng.integers(len(pictures)))
+    index = int(rng.choice(pictures.numbers))
     source = pictures.degraded if rng.random() < params.degraded else pictures.clean
     boxes, visible = pictures.boxes_px[index], pictures.visible_shares[index]
     height, width = source.shape[1:3]
@@ -109,6 +111,8 @@ def _disturbed(
 ) -> NDArray[np.uint8]:
     """Another light, tint, sharpness and sensor noise."""
     values = image.astype(np.float32)
+    if params.inverted and rng.random() < params.inverted:
+        values = 255.0 - values
     if rng.random() < params.blur:
         values = _blurred(values)
     contrast = 1.0 + rng.uniform(-params.light, params.light)

@@ -41,9 +41,9 @@ def write_card(
         "trained": today,
         "purpose": "People in drone video from 6 to 30 m above ground",
         "accuracy": "measured on simulated scenes, not on real video",
-        "cost": _cost(training, model) | {"milliseconds_one_thread": round(1e3 * median_s, 1)},
+        "cost": cost(training, model) | {"milliseconds_one_thread": round(1e3 * median_s, 1)},
         "held_out": _rules() | results,
-        "training": training.model_dump(mode="json"),
+        "training": training.model_dump(mode="json", exclude_unset=True),
     }
     path = model.with_suffix(".card.yaml")
     path.write_text(yaml.safe_dump(card, sort_keys=False, width=110), encoding="utf-8")
@@ -62,7 +62,8 @@ def _by_size(seen: list[Seen]) -> dict[str, Any]:
     }
 
 
-def _cost(training: Training, model: Path) -> dict[str, Any]:
+def cost(training: Training, model: Path) -> dict[str, Any]:
+    """Of the network, one picture: multiplications and additions, weights, the file's size."""
     network = PersonNetwork(training.network).eval()
     with FlopCounterMode(display=False) as counter, torch.no_grad():
         network(torch.zeros(1, 3, training.input.height, training.input.width))

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from pipeline.config.base import Strict, load
+from pipeline.config.base import Strict, load, mismatch
 from pipeline.training.augmentation import AugmentationParams
 from pipeline.training.network import NetworkParams
 
@@ -39,6 +40,47 @@ class Data(Strict):
     sizes: Scenes
 
 
+class LabelledPictures(Strict):
+    """Real pictures of one size with COCO labels, split by what a key of each image says.
+
+    labels: relative to the training file. folder: that file names are relative to; by default the labels'.
+    categories: names of what is a person. split_by: neighbouring pictures are almost the same, so that whole
+    flights (or places) are learned from (train), calibrated on (calibration: threshold and calibration), or
+    only measured on (test). by: keys of the images that the card splits the accuracy by, with edges for
+    numbers. sizes: edges of the classes by the square root of a person's area, pixels.
+    """
+
+    labels: Path
+    folder: Path | None = None
+    categories: tuple[str, ...] = Field(default=("person",), min_length=1)
+    split_by: str
+    train: tuple[int | str, ...] = Field(min_length=1)
+    calibration: tuple[int | str, ...] = Field(min_length=1)
+    test: tuple[int | str, ...] = Field(min_length=1)
+    by: dict[str, tuple[float, ...]] = Field(default_factory=dict)
+    sizes: tuple[float, ...] = ()
+    attribution: str = Field(min_length=1)
+
+    @property
+    def groups(self) -> tuple[int | str, ...]:
+        """Of all parts."""
+        return self.train + self.calibration + self.test
+
+    @model_validator(mode="after")
+    def _parts_are_apart(self) -> Self:
+        seen: dict[int | str, str] = {}
+        for part in ("train", "calibration", "test"):
+            for group in getattr(self, part):
+                if group in seen:
+                    raise mismatch(
+                        f"{self.split_by} {group}, which is in {seen[group]} too",
+                        "a part of its own",
+                        (part,),
+                    )
+                seen[group] = part
+        return self
+
+
 class Optimisation(Strict):
     """AdamW with a warm-up and cosines; the mean of the weights (EMA) is what is exported.
 
@@ -62,15 +104,29 @@ class Optimisation(Strict):
 
 
 class Training(Strict):
-    """One training. start: another training, finished in the same folder, whose weights it begins with."""
+    """One training. start: another training, finished in the same folder, whose weights it begins with.
+
+    data or labelled: simulated pictures, or real ones. purpose: for the card of a detector of real pictures.
+    """
 
     name: str = Field(pattern=_NAME)
     start: str | None = Field(default=None, pattern=_NAME)
+    purpose: str | None = None
     input: Input
     network: NetworkParams
-    data: Data
+    data: Data | None = None
+    labelled: LabelledPictures | None = None
     augmentation: AugmentationParams
     optimisation: Optimisation
+
+    @model_validator(mode="after")
+    def _has_pictures(self) -> Self:
+        if (self.data is None) == (self.labelled is None):
+            found = "neither data nor labelled" if self.data is None else "data and labelled"
+            raise mismatch(found, "data (simulated pictures) or labelled (real ones)")
+        if self.labelled is not None and self.purpose is None:
+            raise mismatch("no purpose", "what the detector is for, said on its card", ("purpose",))
+        return self
 
 
 def load_training(path: Path) -> Training:

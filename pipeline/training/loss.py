@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
-from pipeline.training.network import STRIDE
-
 #: a person's heat falls to exp(-1/2) at this share of the box from its centre (TTFNet, arXiv:1909.00700)
 _SIGMA_SHARE = 0.18
 _SIGMA_MIN_CELLS = 0.6
@@ -34,24 +32,34 @@ class Targets:
     care: Tensor
 
     @classmethod
-    def of(cls, people: list[NDArray[Any]], ignored: list[NDArray[Any]], height: int, width: int) -> Targets:
+    def of(
+        cls,
+        people: list[NDArray[Any]],
+        ignored: list[NDArray[Any]],
+        height: int,
+        width: int,
+        stride: int,
+    ) -> Targets:
         """people, ignored: per picture boxes (N, 4) xyxy in pixels of an input of height x width."""
         grids = [
-            _grids(p, i, height // STRIDE, width // STRIDE) for p, i in zip(people, ignored, strict=True)
+            _grids(p, i, height // stride, width // stride, stride)
+            for p, i in zip(people, ignored, strict=True)
         ]
         heat, boxes, weight, care = (torch.from_numpy(np.stack(parts)) for parts in zip(*grids, strict=True))
         return cls(heat, boxes, weight, care)
 
 
-def _grids(people: NDArray[Any], ignored: NDArray[Any], rows: int, columns: int) -> tuple[NDArray[Any], ...]:
+def _grids(
+    people: NDArray[Any], ignored: NDArray[Any], rows: int, columns: int, stride: int
+) -> tuple[NDArray[Any], ...]:
     heat = np.zeros((rows, columns), np.float32)
     boxes = np.zeros((4, rows, columns), np.float32)
     care = np.ones((rows, columns), np.float32)
-    for box in ignored / STRIDE:
+    for box in ignored / stride:
         x0, y0, x1, y1 = np.floor(box - [1, 1, -2, -2]).astype(int)
         care[max(y0, 0) : max(y1, 0), max(x0, 0) : max(x1, 0)] = 0.0
     for box in people:
-        own = _heat(box / STRIDE, rows, columns)
+        own = _heat(box / stride, rows, columns)
         boxes[:, own > heat] = box[:, None]
         heat = np.maximum(heat, own)
     care[heat > 0.0] = 1.0

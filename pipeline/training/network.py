@@ -1,6 +1,8 @@
-"""The person detector: a small residual network with one output grid at stride 8, free of anchors."""
+"""The person detector: a small residual network with one output grid at stride 8 or 4, free of anchors."""
 
 from __future__ import annotations
+
+from typing import Literal
 
 import torch
 from pydantic import Field
@@ -9,7 +11,6 @@ from torch.nn import functional
 
 from pipeline.config.base import Strict
 
-STRIDE = 8
 #: exp of this many strides is far beyond any picture; it keeps the first steps of a training finite
 _LARGEST_LOG_DISTANCE = 5.0
 _RARE_PERSON = 0.01
@@ -17,30 +18,38 @@ _USUAL_DISTANCE_STRIDES = 2.0
 
 
 class NetworkParams(Strict):
-    """channels: at strides 2, 4, 8 and 16. blocks: residual blocks at strides 8 and 16. head: channels."""
+    """channels: at strides 2, 4, 8 and 16. blocks: residual blocks at strides 8 and 16. head: channels.
+
+    stride: of the output grid; 4 for people of less than about 16 pixels of the input, who share cells at 8.
+    """
 
     channels: tuple[int, int, int, int]
     blocks: tuple[int, int]
     head: int = Field(ge=4)
+    stride: Literal[4, 8] = 8
 
 
 class PersonNetwork(nn.Module):
-    """Picture (B, 3, H, W) in 0..1 -> logits (B, H/8, W/8), distances (B, 4, H/8, W/8); H, W multiples of 16.
+    """Picture (B, 3, H, W) in 0..1 -> logits (B, h, w), distances (B, 4, h, w); H, W multiples of 16.
 
-    Each cell says whether a person's box is centred there, and how far in strides the box reaches from the
-    cell's centre to the left, up, to the right and down. Features at stride 16 widen the view and come back.
+    h = H / stride, w = W / stride. Each cell says whether a person's box is centred there, and how far in
+    strides the box reaches from the cell's centre to the left, up, to the right and down. Features at stride
+    16 widen the view and come back.
     """
 
     def __init__(self, params: NetworkParams) -> None:
         super().__init__()
         c2, c4, c8, c16 = params.channels
+        self.stride = params.stride
         self.stem = nn.Sequential(_convolution(3, c2, 2), _convolution(c2, c4, 2))
         self.fine = nn.Sequential(_convolution(c4, c8, 2), *(_Residual(c8) for _ in range(params.blocks[0])))
         self.wide = nn.Sequential(
             _convolution(c8, c16, 2), *(_Residual(c16) for _ in range(params.blocks[1]))
         )
         self.back = _convolution(c16, c8, 1, size=1)
-        self.head = _convolution(c8, params.head, 1)
+        if params.stride == 4:
+            self.further_back = _convolution(c8, c4, 1, size=1)
+        self.head = _convolution(c4 if params.stride == 4 else c8, params.head, 1)
         self.out = nn.Conv2d(params.head, 5, 1)
         bias = torch.full((5,), _USUAL_DISTANCE_STRIDES).log()
         bias[0] = torch.logit(torch.tensor(_RARE_PERSON))
@@ -51,10 +60,13 @@ class PersonNetwork(nn.Module):
         return self.readings(self.features(picture))
 
     def features(self, picture: Tensor) -> Tensor:
-        """(B, head, H/8, W/8): nearly all of the work, good enough in half precision."""
-        fine = self.fine(self.stem(picture))
-        wide = functional.interpolate(self.back(self.wide(fine)), scale_factor=2.0, mode="nearest")
-        features: Tensor = self.head(fine + wide)
+        """(B, head, h, w): nearly all of the work, good enough in half precision."""
+        stem = self.stem(picture)
+        fine = self.fine(stem)
+        merged = fine + _doubled(self.back(self.wide(fine)))
+        if self.stride == 4:
+            merged = stem + _doubled(self.further_back(merged))
+        features: Tensor = self.head(merged)
         return features
 
     def readings(self, features: Tensor) -> tuple[Tensor, Tensor]:
@@ -84,13 +96,17 @@ def _convolution(channels_in: int, channels_out: int, stride: int, size: int = 3
     )
 
 
-def boxes_of(distances: Tensor) -> Tensor:
+def _doubled(features: Tensor) -> Tensor:
+    return functional.interpolate(features, scale_factor=2.0, mode="nearest")
+
+
+def boxes_of(distances: Tensor, stride: int) -> Tensor:
     """Boxes (B, 4, h, w) xyxy in input pixels, of distances (B, 4, h, w) in strides from each centre."""
     rows, columns = distances.shape[2:]
     y = (torch.arange(rows, dtype=distances.dtype) + 0.5)[None, :, None].expand(1, rows, columns)
     x = (torch.arange(columns, dtype=distances.dtype) + 0.5)[None, None, :].expand(1, rows, columns)
     left, up, right, down = distances.unbind(1)
-    return torch.stack([x - left, y - up, x + right, y + down], dim=1) * STRIDE
+    return torch.stack([x - left, y - up, x + right, y + down], dim=1) * stride
 
 
 class DecodedNetwork(nn.Module):
@@ -103,4 +119,6 @@ class DecodedNetwork(nn.Module):
     def forward(self, image: Tensor) -> tuple[Tensor, Tensor]:
         """See the class."""
         logits, distances = self.network(image.permute(0, 3, 1, 2).to(torch.float32) / 255.0)
-        return boxes_of(distances).flatten(2).transpose(1, 2), logits.flatten(1).sigmoid()
+        return boxes_of(distances, self.network.stride).flatten(2).transpose(1, 2), logits.flatten(
+            1
+        ).sigmoid()

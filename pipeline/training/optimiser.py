@@ -65,7 +65,7 @@ class Optimiser:
         with torch.autocast("cpu", torch.bfloat16, enabled=self.training.optimisation.half_precision):
             features = self._network.features(images)
         logits, distances = self._network.readings(features.float())
-        heat, box = heat_loss(logits, targets), box_loss(boxes_of(distances), targets)
+        heat, box = heat_loss(logits, targets), box_loss(boxes_of(distances, self._network.stride), targets)
         self._adam.zero_grad(set_to_none=True)
         (heat + box).backward()  # type: ignore[no-untyped-call]
         torch.nn.utils.clip_grad_norm_(self._network.parameters(), 10.0)
@@ -77,7 +77,7 @@ class Optimiser:
     def save(self, path: Path) -> None:
         """Everything that is needed to go on; the file is replaced at once."""
         state = {
-            "training": self.training.model_dump_json(),
+            "training": self._told(),
             "step": self.step,
             "network": self._network.state_dict(),
             "mean": self.mean.state_dict(),
@@ -90,7 +90,7 @@ class Optimiser:
     def resume(self, path: Path) -> None:
         """Go on where a checkpoint was saved. Raises InputError if it is of another training."""
         state: dict[str, Any] = torch.load(path, weights_only=True)
-        if state["training"] != self.training.model_dump_json():
+        if state["training"] != self._told():
             raise InputError(
                 path, "the checkpoint of another configuration", "an empty output folder or the same one"
             )
@@ -98,6 +98,10 @@ class Optimiser:
         self._network.load_state_dict(state["network"])
         self.mean.load_state_dict(state["mean"])
         self._adam.load_state_dict(state["adam"])
+
+    def _told(self) -> str:
+        # without defaults: a key that comes later, and is not used, makes no other training of an old one
+        return self.training.model_dump_json(exclude_defaults=True)
 
     def start_from(self, path: Path) -> None:
         """Begin with the mean weights of another training's checkpoint, as far as the networks are alike.
@@ -138,7 +142,11 @@ def _batch(pictures: PictureSet, training: Training, step: int) -> tuple[Tensor,
     ]
     images = torch.from_numpy(np.stack([crop.image for crop in crops])).permute(0, 3, 1, 2)
     targets = Targets.of(
-        [crop.people for crop in crops], [crop.ignored for crop in crops], params.crop, params.crop
+        [crop.people for crop in crops],
+        [crop.ignored for crop in crops],
+        params.crop,
+        params.crop,
+        training.network.stride,
     )
     # permuted from (B, H, W, 3): already in torch's channels-last order
     return images.to(torch.float32) / 255.0, targets

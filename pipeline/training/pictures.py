@@ -20,7 +20,7 @@ from pipeline.training.degradation import degrade
 
 Image = NDArray[np.uint8]
 #: the recording and the link both compress a mission's pictures: they are as worn as ours at 0.3 to 1 Mbps
-_BITRATES_BPS = (0.1e6, 2.5e6)
+BITRATES_BPS = (0.1e6, 2.5e6)
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,15 +36,26 @@ class SceneShots:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PictureSet:
-    """clean, degraded: uint8 (N, H, W, 3), on disk. boxes_px (.., 4) xyxy, visible_shares: per picture."""
+    """clean, degraded: uint8 (N, H, W, 3), on disk. boxes_px (.., 4) xyxy, visible_shares: per picture.
+
+    attributes: of labelled pictures what the labels say of each beside its boxes; of rendered ones nothing.
+    rows: int64, numbers of those that belong to this set; None: all of them.
+    """
 
     clean: Image
     degraded: Image
     boxes_px: list[FloatArray]
     visible_shares: list[FloatArray]
+    attributes: tuple[dict[str, Any], ...] = ()
+    rows: NDArray[np.int64] | None = None
 
     def __len__(self) -> int:
-        return len(self.boxes_px)
+        return len(self.numbers)
+
+    @property
+    def numbers(self) -> NDArray[np.int64]:
+        """Numbers of the pictures of this set in its files and lists."""
+        return np.arange(len(self.boxes_px)) if self.rows is None else self.rows
 
 
 def shots(
@@ -64,11 +75,8 @@ def render_pictures(
 
     ``people.json`` is written last: a folder that has it is complete.
     """
-    folder.mkdir(parents=True, exist_ok=True)
     total = sum(s.count for s in plan)
-    for name in ("clean", "degraded"):
-        shape = (total, CAMERA.height, CAMERA.width, 3)
-        np.lib.format.open_memmap(folder / f"{name}.npy", mode="w+", dtype=np.uint8, shape=shape)
+    picture_files(folder, (total, CAMERA.height, CAMERA.width, 3))
     people: list[Any] = [None] * total
     done = 0
     context = multiprocessing.get_context("spawn")
@@ -83,12 +91,22 @@ def render_pictures(
     (folder / "people.json").write_text(json.dumps(record), encoding="utf-8")
 
 
+def picture_files(folder: Path, shape: tuple[int, int, int, int]) -> tuple[Image, Image]:
+    """New files for the clean and the degraded pictures."""
+    folder.mkdir(parents=True, exist_ok=True)
+    clean, degraded = (
+        np.lib.format.open_memmap(folder / f"{name}.npy", mode="w+", dtype=np.uint8, shape=shape)
+        for name in ("clean", "degraded")
+    )
+    return clean, degraded
+
+
 def _render_scene(folder: Path, plan: SceneShots) -> list[dict[str, Any]]:
     clean, degraded = (np.load(folder / f"{name}.npy", mmap_mode="r+") for name in ("clean", "degraded"))
     rng = np.random.default_rng([plan.seed, 2])
     people = []
     for i, picture in enumerate(pictures_of_scene(plan.seed, plan.split, plan.count, plan.views), plan.first):
-        bitrate_bps = float(np.exp(rng.uniform(*np.log(_BITRATES_BPS))))
+        bitrate_bps = float(np.exp(rng.uniform(*np.log(BITRATES_BPS))))
         clean[i], degraded[i] = picture.image, degrade(picture.image, bitrate_bps, rng)
         people.append({"boxes": picture.boxes_px.tolist(), "visible": picture.visible_shares.tolist()})
     return people
@@ -101,18 +119,22 @@ def is_complete(folder: Path) -> bool:
 
 def open_pictures(folder: Path, plan: list[SceneShots]) -> PictureSet:
     """What render_pictures wrote. Raises InputError if it did not finish there, or followed another plan."""
+    return open_recorded(folder, _json(plan))
+
+
+def open_recorded(folder: Path, plan: Any) -> PictureSet:
+    """A written picture set. plan: what it must have been made of, as JSON. Raises InputError."""
     if not is_complete(folder):
         raise InputError(folder, "no complete picture set", "a folder written by searchlight train")
     record: dict[str, Any] = json.loads((folder / "people.json").read_text(encoding="utf-8"))
-    if record["plan"] != _json(plan):
-        raise InputError(
-            folder, "pictures of other scenes", "those of this training file, or an empty folder"
-        )
+    if record["plan"] != plan:
+        raise InputError(folder, "other pictures", "those of this training file, or an empty folder")
     return PictureSet(
         np.load(folder / "clean.npy", mmap_mode="r"),
         np.load(folder / "degraded.npy", mmap_mode="r"),
         [np.array(entry["boxes"], float).reshape(-1, 4) for entry in record["people"]],
         [np.array(entry["visible"], float) for entry in record["people"]],
+        tuple(entry.get("attributes", {}) for entry in record["people"]),
     )
 
 

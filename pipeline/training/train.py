@@ -9,6 +9,8 @@ from pipeline.simulation.dataset import MISSION_VIEWS, SIZE_VIEWS, TRAINING_VIEW
 from pipeline.training.card import write_card
 from pipeline.training.config import Data, Scenes, Training, load_training
 from pipeline.training.export import export_onnx
+from pipeline.training.labelled import part, prepare_labelled
+from pipeline.training.labelled_card import write_labelled_card
 from pipeline.training.optimiser import Optimiser, Progress
 from pipeline.training.pictures import PictureSet, is_complete, open_pictures, render_pictures, shots
 
@@ -18,13 +20,13 @@ def train(
 ) -> Path:
     """Train the detector of a training file; returns NAME.onnx in out, with NAME.card.yaml beside it.
 
-    Goes on from NAME.pt in out if it is there. data: where the rendered pictures are kept, ``out / "data"``
-    if not given; pictures that are there are used again. workers: processes that render.
-    Raises InputError for a bad training file, or a checkpoint or pictures of another one.
+    Goes on from NAME.pt in out if it is there. data: where the pictures are kept, ``out / "data"`` if not
+    given; pictures that are there are used again. workers: processes that render. Raises InputError for a bad
+    training file, labels or pictures, or a checkpoint or pictures of another one.
     """
     training = load_training(config_path)
     out.mkdir(parents=True, exist_ok=True)
-    pictures = prepare(training.data, data or out / "data", workers, progress)
+    pictures = prepare(training, config_path.parent, data or out / "data", workers, progress)
     optimiser = Optimiser(training)
     checkpoint, model = out / f"{training.name}.pt", out / f"{training.name}.onnx"
     if checkpoint.is_file():
@@ -33,12 +35,33 @@ def train(
         optimiser.start_from(out / f"{training.start}.pt")
     optimiser.run(pictures["train"], checkpoint, progress, lambda: _export(optimiser, training, model))
     _export(optimiser, training, model)
-    write_card(training, model, pictures["mission"], pictures["sizes"], datetime.date.today())
+    today = datetime.date.today()
+    if training.labelled is None:
+        write_card(training, model, pictures["mission"], pictures["sizes"], today)
+    else:
+        write_labelled_card(training, model, pictures["calibration"], pictures["test"], today)
     return model
 
 
-def prepare(data: Data, folder: Path, workers: int, progress: Progress) -> dict[str, PictureSet]:
-    """The pictures of each part of the data by name, rendered if they are not there yet."""
+def prepare(
+    training: Training, base: Path, folder: Path, workers: int, progress: Progress
+) -> dict[str, PictureSet]:
+    """The pictures of each part of the data by name, rendered or copied if they are not there yet.
+
+    base: the training file's folder.
+    """
+    given = training.labelled
+    if given is not None:
+        pictures = prepare_labelled(
+            given, base, folder, lambda done, total: progress("copying", done, total, "")
+        )
+        parts = {"train": given.train, "calibration": given.calibration, "test": given.test}
+        return {name: part(pictures, given, groups) for name, groups in parts.items()}
+    assert training.data is not None  # one of both is there
+    return _rendered(training.data, folder, workers, progress)
+
+
+def _rendered(data: Data, folder: Path, workers: int, progress: Progress) -> dict[str, PictureSet]:
     plans = {
         "train": shots(*_of(data.train), "train", TRAINING_VIEWS),
         "mission": shots(*_of(data.mission), "mission", MISSION_VIEWS),

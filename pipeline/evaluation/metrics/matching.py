@@ -47,15 +47,16 @@ class Matches:
 def match(
     true: TrueBoxes,
     found: FoundBoxes,
-    size: Size = "all",
+    size: Size | tuple[float, float] = "all",
     iou_thresholds: FloatArray = IOU_THRESHOLDS,
     most_found: int = MOST_FOUND,
 ) -> Matches:
     """Assign found boxes to true ones as COCOeval does, for one size class, at T IoU thresholds.
 
-    True boxes of another size are ignored, and so are found boxes of another size that match nothing.
+    size: a class of COCO's, or the least and the greatest area in square pixels, both included. True boxes of
+    another size are ignored, and so are found boxes of another size that match nothing.
     """
-    low, high = AREAS[size]
+    low, high = AREAS[size] if isinstance(size, str) else size
     ignored = true.crowd | (true.area < low) | (true.area > high)
     found = _most_certain(found, most_found)
     order = np.lexsort((ignored, true.image, true.category))

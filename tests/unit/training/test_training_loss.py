@@ -10,9 +10,9 @@ from pipeline.training.loss import Targets, box_loss, generalized_iou, heat_loss
 NOBODY = np.zeros((0, 4))
 
 
-def targets(people: list[list[float]], ignored: list[list[float]] = ()) -> Targets:
+def targets(people: list[list[float]], ignored: list[list[float]] = (), stride: int = 8) -> Targets:
     return Targets.of(
-        [np.array(people, float).reshape(-1, 4)], [np.array(ignored, float).reshape(-1, 4)], 64, 96
+        [np.array(people, float).reshape(-1, 4)], [np.array(ignored, float).reshape(-1, 4)], 64, 96, stride
     )
 
 
@@ -20,6 +20,12 @@ def test_heat_is_one_at_the_cell_of_each_centre_and_nowhere_else():
     heat = targets([[8, 8, 24, 40], [60, 30, 70, 50]]).heat[0]
     assert torch.nonzero(heat == 1.0).tolist() == [[3, 2], [5, 8]]
     assert heat.min() == 0.0
+
+
+def test_people_that_share_a_cell_at_stride_8_have_their_own_at_4():
+    beside = [[33, 16, 36, 24], [36, 16, 39, 24]]
+    assert int((targets(beside).heat == 1.0).sum()) == 1
+    assert int((targets(beside, stride=4).heat == 1.0).sum()) == 2
 
 
 def test_a_taller_box_has_taller_heat():

@@ -19,35 +19,39 @@ from pipeline.training.network import (  # noqa: E402
 PARAMS = NetworkParams(channels=(4, 8, 8, 16), blocks=(1, 1), head=8)
 
 
-def trained_a_little(seed: int = 0) -> PersonNetwork:
+def trained_a_little(seed: int = 0, stride: int = 8) -> PersonNetwork:
     """A network whose normalisations have seen something."""
     torch.manual_seed(seed)
-    network = PersonNetwork(PARAMS)
+    network = PersonNetwork(PARAMS.model_copy(update={"stride": stride}))
     for _ in range(3):
         network(torch.rand(2, 3, 64, 96))
     return network.eval()
 
 
-def test_the_grid_has_stride_8_and_distances_are_positive():
-    logits, distances = trained_a_little()(torch.rand(2, 3, 64, 96))
-    assert logits.shape == (2, 8, 12)
-    assert distances.shape == (2, 4, 8, 12)
+@pytest.mark.parametrize("stride", [8, 4])
+def test_the_grid_has_the_stride_and_distances_are_positive(stride):
+    logits, distances = trained_a_little(stride=stride)(torch.rand(2, 3, 64, 96))
+    assert logits.shape == (2, 64 // stride, 96 // stride)
+    assert distances.shape == (2, 4, 64 // stride, 96 // stride)
     assert (distances > 0).all()
 
 
-def test_boxes_reach_from_the_cells_centre_by_the_distances():
+@pytest.mark.parametrize("stride", [8, 4])
+def test_boxes_reach_from_the_cells_centre_by_the_distances(stride):
     distances = torch.zeros(1, 4, 3, 5)
     distances[0, :, 2, 1] = torch.tensor([1.0, 2.0, 0.5, 0.25])
-    box = boxes_of(distances)[0, :, 2, 1]
-    np.testing.assert_allclose(box, [(1.5 - 1) * 8, (2.5 - 2) * 8, (1.5 + 0.5) * 8, (2.5 + 0.25) * 8])
+    box = boxes_of(distances, stride)[0, :, 2, 1] / stride
+    np.testing.assert_allclose(box, [1.5 - 1, 2.5 - 2, 1.5 + 0.5, 2.5 + 0.25])
 
 
-def test_the_export_equals_torch(tmp_path):
-    network = trained_a_little()
+@pytest.mark.parametrize("stride", [8, 4])
+def test_the_export_equals_torch(tmp_path, stride):
+    network = trained_a_little(stride=stride)
     path = tmp_path / "net.onnx"
     export_onnx(network, path, width=96, height=64, name="net")
     image = np.random.default_rng(0).integers(0, 256, (1, 64, 96, 3), dtype=np.uint8)
-    boxes, scores = Session(path, threads=1, provider="cpu").run({"image": image})
+    outputs = Session(path, threads=1, provider="cpu").run({"image": image})
+    boxes, scores = outputs["boxes"], outputs["scores"]
     with torch.no_grad():
         expected_boxes, expected_scores = DecodedNetwork(network)(torch.from_numpy(image))
     np.testing.assert_allclose(boxes, expected_boxes, rtol=1e-4, atol=1e-4)
@@ -59,6 +63,6 @@ def test_the_export_is_recognised_as_ours_and_leaves_nothing_else(tmp_path):
     export_onnx(trained_a_little(), path, width=96, height=64, name="net")
     detector = load_detector(path, score_threshold=0.0)
     boxes, scores, _ = detector.detect(np.zeros((576, 1024, 3), np.uint8))
-    assert detector.layout.name == "searchlight"
+    assert detector.recognised.name == "searchlight"
     assert len(boxes) == len(scores) > 0
     assert [p.name for p in tmp_path.iterdir()] == ["net.onnx"]

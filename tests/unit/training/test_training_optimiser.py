@@ -15,7 +15,7 @@ from pipeline.training.optimiser import Optimiser, learning_rate  # noqa: E402
 from pipeline.training.pictures import PictureSet  # noqa: E402
 
 CONFIGS = Path(__file__).parents[3] / "configs" / "detectors"
-FAMILY = ("nano", "small", "medium", "large")
+FAMILY = ("nano", "small", "medium", "large", "thermal-nano", "thermal-small", "thermal-medium")
 
 
 @pytest.fixture(scope="module")
