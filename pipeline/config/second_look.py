@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from pydantic import Field
 
 from pipeline.config.base import Strict
@@ -12,6 +14,8 @@ from pipeline.config.units import (
     PositiveMeters,
     PositiveSeconds,
 )
+
+DjiModel = Literal["M300", "M350", "M30", "M30T", "M3E", "M3T", "M3M", "M3D", "M3TD"]
 
 
 class SecondLook(Strict):
@@ -35,6 +39,8 @@ class SecondLook(Strict):
     """Without a search area the ground that the drones' ways enclose is judged, unless it is narrower than this."""
     height: PositiveMeters = 12.0
     """Of the proposed flight, above the surface."""
+    dji_model: DjiModel = "M3T"
+    """The drone that `second_flight.kmz` is for; DJI Pilot 2 refuses a route for another one."""
     speed: MetersPerSecond = 3.0
     """Of the proposed flight."""
     overlap: float = Field(default=0.3, ge=0.0, le=0.9)

@@ -30,6 +30,8 @@ class Trajectory:
 
     end_s: until then the last sample is carried on. longest_gap_s: between samples that a pose may lie in.
     start_ns: date of the video's time 0, ns since 1970 on ``clock``. assumed: what had to be, a sentence each.
+    takeoff_m: height of the place where the aircraft took off, above the terrain's datum; NaN where no height above it
+    is told.
     """
 
     times_s: FloatArray
@@ -43,6 +45,7 @@ class Trajectory:
     clock: Clock
     assumed: tuple[str, ...] = ()
     mission_sds: FloatArray = field(default_factory=lambda: np.full(3, math.nan))
+    takeoff_m: float = math.nan
 
     @property
     def span_s(self) -> tuple[float, float]:

@@ -91,7 +91,14 @@ def trajectory_of(
         clock,
         tuple(assumed),
         np.array([believed.position_bias, believed.height_bias, believed.attitude_bias]),
+        _takeoff_m(up, track.relative_height_m[known]),
     )
+
+
+def _takeoff_m(up: FloatArray, relative_m: FloatArray) -> float:
+    """Height of the take-off above the terrain's datum: where the heights above it count from. NaN: there are none."""
+    both = np.isfinite(up) & np.isfinite(relative_m)
+    return float(np.median((up - relative_m)[both])) if both.any() else math.nan
 
 
 def _clock(track: Track, telemetry: Telemetry, offset_s: float) -> tuple[Clock, int]:

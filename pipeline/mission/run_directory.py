@@ -21,6 +21,7 @@ from pipeline.mission.found_place_crops import found_place_crops
 from pipeline.mission.ledger import stream_account, substream_counts
 from pipeline.mission.local import FinishedRun
 from pipeline.mission.prepared import PreparedMission
+from pipeline.outputs.dji_route import write_dji_route
 from pipeline.outputs.map_picture import map_picture, png, second_look_picture
 from pipeline.outputs.report import ReportData, write_report
 from pipeline.outputs.saliency_tif import write_saliency
@@ -41,10 +42,12 @@ def write_run_directory(prepared: PreparedMission, run: FinishedRun, out: Path) 
     tracks = {s.stream: _track(prepared, s.stream) for s in prepared.streams}
     crops = found_place_crops(prepared, [*locations, *possible])
     mission, camera = prepared.mission, prepared.cameras[prepared.streams[0].stream]
+    takeoff_m = prepared.streams[0].trajectory.takeoff_m
     second = plan_second_look(
-        fuser.map, prepared.terrain, mission.fusion, camera, tracks, mission.search_area
+        fuser.map, prepared.terrain, mission.fusion, camera, tracks, mission.search_area, takeoff_m
     )
     summary = replace(_summary(prepared, run, locations, truth), possible=possible, coverage=second.coverage)
+    last_ns = max(s.start_ns + round((s.end_s - s.video.start_s) * 1e9) for s in prepared.streams)
     picture = second_look_picture(fuser.map, second.areas, second.flight)
     report = ReportData(
         summary, fuser.map, tracks, truth, schedule, crops, second.areas, second.flight, picture
@@ -59,10 +62,11 @@ def write_run_directory(prepared: PreparedMission, run: FinishedRun, out: Path) 
         write_bytes(folder / "map.png", png(map_picture(fuser.map, tracks, locations, truth, possible)))
         write_bytes(folder / "schedule.png", png(schedule))
         write_second_look(folder / "second_look.geojson", second.areas, prepared.frame)
-        write_second_flight(folder / "second_flight.geojson", second.flight, prepared.frame)
+        write_second_flight(folder / "second_flight.geojson", second.flight, prepared.frame, prepared.heights)
         if second.flight.waypoints:
             look = prepared.mission.fusion.second_look
             write_qgc_plan(folder / "second_flight.plan", second.flight, prepared.frame, look)
+            write_dji_route(folder / "second_flight.kmz", second.flight, prepared.frame, look, last_ns)
         write_report(folder / "report.html", report)
         write_summary(folder / "summary.json", summary)
     return summary

@@ -1,4 +1,7 @@
-"""The areas worth a second look and the flight over them, as GeoJSON and as a plan for QGroundControl."""
+"""The areas worth a second look and the flight over them, as GeoJSON and as a plan for QGroundControl.
+
+For DJI's applications see ``dji_route``.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +14,7 @@ import numpy as np
 
 from pipeline.config.second_look import SecondLook
 from pipeline.geo.frame import LocalFrame
+from pipeline.geo.heights import UNKNOWN, Heights
 from pipeline.messages import FloatArray
 from pipeline.second_look.areas import SecondLookArea
 from pipeline.second_look.flight import SecondFlight
@@ -30,19 +34,48 @@ def write_second_look(path: Path, areas: Sequence[SecondLookArea], frame: LocalF
     _write(path, _collection([_area(area, frame) for area in areas]))
 
 
-def write_second_flight(path: Path, flight: SecondFlight, frame: LocalFrame) -> None:
-    """Write a LineString with heights above the terrain's datum; no feature without areas."""
+def write_second_flight(
+    path: Path, flight: SecondFlight, frame: LocalFrame, heights: Heights = UNKNOWN
+) -> None:
+    """Write a LineString with heights above the ellipsoid, or none if that is not known; no feature without areas.
+
+    heights: what the map's heights count from.
+    """
     points = np.array([flight.home_enu, *(w.position_enu for w in flight.waypoints), flight.home_enu])
+    coordinates = [
+        _with_height(degrees, height_m, heights)
+        for degrees, height_m in zip(_degrees(points[:, :2], frame), points[:, 2].tolist(), strict=True)
+    ]
     line = {
         "type": "Feature",
-        "geometry": {"type": "LineString", "coordinates": _degrees(points, frame)},
+        "geometry": {"type": "LineString", "coordinates": coordinates},
         "properties": {
             "length_m": round(flight.length_m, 1),
             "duration_s": round(flight.duration_s, 1),
             "areas": list(flight.order),
+            "height_above_takeoff_m": [round(h - flight.takeoff_m, 2) for h in points[:, 2].tolist()],
+            "takeoff_height_m": round(flight.takeoff_m, 2),
+            "takeoff_height_datum": heights.name,
+            **_checked(flight),
         },
     }
     _write(path, _collection([line] if flight.waypoints else []))
+
+
+def _with_height(degrees: list[float], height_m: float, heights: Heights) -> list[float]:
+    longitude, latitude = degrees
+    above = heights.ellipsoidal_m(height_m, latitude, longitude)
+    return degrees if above is None else [*degrees, round(above, 2)]
+
+
+def _checked(flight: SecondFlight) -> dict[str, float]:
+    """What the check of the way against the terrain found."""
+    if flight.clearance is None:
+        return {}
+    return {
+        "least_height_above_surface_m": round(flight.clearance.least_m, 2),
+        "over_unknown_ground_m": round(flight.clearance.unknown_m, 1),
+    }
 
 
 def write_qgc_plan(path: Path, flight: SecondFlight, frame: LocalFrame, params: SecondLook) -> None:
@@ -53,20 +86,19 @@ def write_qgc_plan(path: Path, flight: SecondFlight, frame: LocalFrame, params: 
 def qgc_plan(flight: SecondFlight, frame: LocalFrame, params: SecondLook) -> dict[str, Any]:
     """The plan as plain values.
 
-    Altitudes are metres above home. plannedHomePosition has the height above the terrain's datum, which
-    QGroundControl takes for that above sea level and only shows.
+    Altitudes are metres above the take-off. plannedHomePosition has the take-off's height above the terrain's datum,
+    which QGroundControl takes for that above sea level and only shows.
     """
-    ((longitude, latitude, height),) = _degrees(flight.home_enu[None], frame)
-    highest = max((w.position_enu[2] for w in flight.waypoints), default=flight.home_enu[2] + params.height)
-    climb_m = float(highest - flight.home_enu[2])
+    ((longitude, latitude),) = _degrees(flight.home_enu[None, :2], frame)
+    climb_m = flight.climb_m if flight.waypoints else params.height
     commands: list[tuple[int, int, list[float | None]]] = [
         (_TAKEOFF, _FRAME_RELATIVE, [0, 0, 0, None, latitude, longitude, round(climb_m, 2)]),
         (_CHANGE_SPEED, _FRAME_MISSION, [1, params.speed, -1, 0, 0, 0, 0]),
         (_MOUNT_CONTROL, _FRAME_MISSION, [-90, 0, 0, 0, 0, 0, 2]),
     ]
     for waypoint in flight.waypoints:
-        ((east, north, up),) = _degrees(waypoint.position_enu[None], frame)
-        above = round(up - height, 2)
+        ((east, north),) = _degrees(waypoint.position_enu[None, :2], frame)
+        above = round(float(waypoint.position_enu[2]) - flight.takeoff_m, 2)
         commands.append((_WAYPOINT, _FRAME_RELATIVE, [waypoint.hover_s, 0, 0, None, north, east, above]))
     commands.append((_RETURN, _FRAME_MISSION, [0, 0, 0, 0, 0, 0, 0]))
     return {
@@ -80,7 +112,7 @@ def qgc_plan(flight: SecondFlight, frame: LocalFrame, params: SecondLook) -> dic
             "cruiseSpeed": params.speed,
             "hoverSpeed": params.speed,
             "globalPlanAltitudeMode": _RELATIVE_TO_HOME,
-            "plannedHomePosition": [latitude, longitude, height],
+            "plannedHomePosition": [latitude, longitude, round(flight.takeoff_m, 2)],
             "items": [_item(k, *command) for k, command in enumerate(commands, start=1)],
         },
         "geoFence": {"circles": [], "polygons": [], "version": 2},
@@ -116,10 +148,9 @@ def _area(area: SecondLookArea, frame: LocalFrame) -> dict[str, Any]:
 
 
 def _degrees(points: FloatArray, frame: LocalFrame) -> list[list[float]]:
-    """Longitude, latitude and, if there, height of points (N, 2 or 3)."""
+    """Longitude and latitude of points (N, 2)."""
     latitude, longitude = frame.wgs84_from_enu(points[:, 0], points[:, 1])
-    columns = [np.round(longitude, 8), np.round(latitude, 8), *(np.round(h, 2) for h in points[:, 2:].T)]
-    return np.stack(columns, axis=1).tolist()
+    return np.stack([np.round(longitude, 8), np.round(latitude, 8)], axis=1).tolist()
 
 
 def _collection(features: list[dict[str, Any]]) -> dict[str, Any]:

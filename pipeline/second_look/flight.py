@@ -2,8 +2,9 @@
 
 A small area gets a point to hover at; a larger one strips along its long side, as far apart as the camera's
 footprint and the overlap allow. The order of the areas is that of the nearest neighbour, improved by 2-opt
-(G. A. Croes, "A method for solving traveling-salesman problems", Operations Research 6, 1958). Heights follow
-the highest surface near the way.
+(G. A. Croes, "A method for solving traveling-salesman problems", Operations Research 6, 1958). The way follows the
+highest surface near it. Heights of a plan count from the take-off, which need not lie as high as the ground where the
+recording begins: the telemetry tells it.
 """
 
 from __future__ import annotations
@@ -19,9 +20,12 @@ from pipeline.geo.camera import Camera
 from pipeline.geo.terrain import Terrain
 from pipeline.messages import FloatArray
 from pipeline.second_look.areas import SecondLookArea
+from pipeline.second_look.clearance import Clearance, clearance_of
 
 #: way points are no further apart, and each is above the highest surface within this distance
 STEP_M = 10.0
+#: heights of the surface are float32
+_TOLERANCE_M = 0.01
 #: an area that fills no more than this share of the picture needs no strips
 _IN_ONE_PICTURE = 0.8
 
@@ -37,9 +41,11 @@ class Waypoint:
 
 @dataclass(frozen=True, eq=False)
 class SecondFlight:
-    """waypoints: in order; none without areas. home_enu: float64 (3,), on the ground, start and end.
+    """waypoints: in order; none without areas. home_enu: float64 (3,), on the ground, where the way begins and ends.
 
-    length_m: of the whole way, home and back. duration_s: with its hovering. order: ids of the areas.
+    length_m: of the whole way, home and back. duration_s: with its hovering. order: ids of the areas. takeoff_m: height
+    that the plan's heights count from. takeoff_is_told: by the telemetry, else it is the ground's at home. clearance:
+    what the check of the whole way against the terrain found; None without a way.
     """
 
     waypoints: tuple[Waypoint, ...]
@@ -47,12 +53,36 @@ class SecondFlight:
     length_m: float
     duration_s: float
     order: tuple[int, ...]
+    takeoff_m: float = 0.0
+    takeoff_is_told: bool = False
+    clearance: Clearance | None = None
+
+    @property
+    def climb_m(self) -> float:
+        """How high above the take-off the way is at its highest, metres; 0 without a way."""
+        return (
+            max((float(w.position_enu[2]) for w in self.waypoints), default=self.takeoff_m) - self.takeoff_m
+        )
+
+    @property
+    def takeoff_below_home_m(self) -> float:
+        """How far the take-off lies below the ground at home, metres."""
+        return float(self.home_enu[2]) - self.takeoff_m
 
 
 def plan_second_flight(
-    areas: Sequence[SecondLookArea], camera: Camera, terrain: Terrain, home: FloatArray, params: SecondLook
+    areas: Sequence[SecondLookArea],
+    camera: Camera,
+    terrain: Terrain,
+    home: FloatArray,
+    params: SecondLook,
+    takeoff_m: float = math.nan,
 ) -> SecondFlight:
-    """home: float64 (2,), east and north. Raises nothing: without areas the flight is empty."""
+    """home: float64 (2,), east and north. takeoff_m: as ``Trajectory.takeoff_m``, NaN: not known.
+
+    Without areas the flight is empty. Raises RuntimeError for a way that comes nearer to the known surface than the
+    mission asks, which would be a fault of this program.
+    """
     ground = terrain.height(float(home[0]), float(home[1]))
     home_enu = np.array([home[0], home[1], 0.0 if math.isnan(ground) else ground])
     legs = {area.id: _cover(area, camera, params) for area in areas}
@@ -67,9 +97,24 @@ def plan_second_flight(
         here = leg[-1]
     waypoints += _flown(here, np.asarray(home)[None], 0, terrain, params) if waypoints else []
     points = np.array([home_enu, *(w.position_enu for w in waypoints), home_enu])
+    told = not math.isnan(takeoff_m)
     length_m = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
     duration_s = length_m / params.speed + sum(w.hover_s for w in waypoints)
-    return SecondFlight(tuple(waypoints), home_enu, length_m, duration_s, tuple(order))
+    clearance = clearance_of(points[1:-1], terrain) if waypoints else None
+    if clearance is not None and clearance.least_m < params.height - _TOLERANCE_M:
+        raise RuntimeError(
+            f"a second flight {clearance.least_m:.2f} m above the surface, not {params.height:g} m"
+        )
+    return SecondFlight(
+        tuple(waypoints),
+        home_enu,
+        length_m,
+        duration_s,
+        tuple(order),
+        takeoff_m if told else float(home_enu[2]),
+        told,
+        clearance,
+    )
 
 
 def footprint_m(camera: Camera, height_m: float) -> tuple[float, float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -40,14 +41,18 @@ def plan_second_look(
     camera: Camera,
     tracks: Mapping[str, FloatArray],
     search_area: Path | None,
+    takeoff_m: float = math.nan,
 ) -> SecondLookPlan:
-    """camera: of the first stream, which flies again. tracks: stream -> positions, float64 (N, >=2)."""
+    """camera: of the first stream, which flies again. tracks: stream -> positions, float64 (N, >=2).
+
+    takeoff_m: height of the first stream's take-off, above the terrain's datum; NaN: not known.
+    """
     wanted = wanted_ground(search_area, terrain, tracks, fusion.second_look)
     searched = cells_inside(wanted, terrain)
     layers, corner = layers_of(voxel_map), (terrain.east_m, terrain.north_m)
     areas = second_look_areas(layers, searched, corner, terrain.cell_m, fusion)
     home = next(iter(tracks.values()))[0, :2]
-    flight = plan_second_flight(areas, camera, terrain, home, fusion.second_look)
+    flight = plan_second_flight(areas, camera, terrain, home, fusion.second_look, takeoff_m)
     judged, seen, cell_m2 = (
         searched & np.isfinite(terrain.heights_m),
         layers.observations > 0,

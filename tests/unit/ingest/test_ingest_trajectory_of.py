@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from pipeline.errors import InputError
 from pipeline.geo.frame import LocalFrame
 from pipeline.geo.pose import enu_from_camera
 from pipeline.ingest.clock import Alignment, on_the_videos_clock
+from pipeline.ingest.telemetry.dji_srt import read_dji_srt
 from pipeline.ingest.track import Track
 from pipeline.ingest.trajectory import Trajectory
 from pipeline.ingest.trajectory_of import Ground, course, trajectory_of
@@ -19,6 +21,8 @@ from pipeline.ingest.trajectory_of import Ground, course, trajectory_of
 FRAME = LocalFrame(59.0, 15.0)
 GROUND = Ground("ellipsoid", lambda east, north: 50.0)
 NONE = np.full(5, np.nan)
+#: a camera that looks down along the course
+ANGLED = {"gimbal": {"pitch": {"degrees": -45}, "yaw": "course"}}
 
 
 def flight(**fields: object) -> Track:
@@ -219,3 +223,36 @@ def test_a_position_that_is_missing_in_some_samples_costs_them_only() -> None:
     assert len(way(replace(track, latitude_deg=latitude), gimbal=gimbal).times_s) == 4
     with pytest.raises(InputError, match="without positions"):
         way(replace(track, latitude_deg=NONE), gimbal=gimbal)
+
+
+def test_the_takeoff_is_where_the_heights_above_it_count_from() -> None:
+    assert way(flight(), **ANGLED).takeoff_m == pytest.approx(
+        70.0
+    )  # 100 m above the ellipsoid, 30 m above it
+    noisy = flight(relative_height_m=np.array([30.0, 30.2, 29.9, np.nan, 400.0]))
+    assert way(noisy, **ANGLED).takeoff_m == pytest.approx(70.0, abs=0.2)
+
+
+def test_the_takeoff_is_in_the_terrains_heights() -> None:
+    relative = way(flight(), **ANGLED, height="relative")
+    assert relative.takeoff_m == pytest.approx(50.0)  # assumed: the ground under the first sample
+    assert way(
+        flight(), **ANGLED, height="relative", takeoff_height={"meters": 43}
+    ).takeoff_m == pytest.approx(43.0)
+    geoid = Ground("ellipsoid", GROUND.height_m, lambda latitude, longitude: (40.0, 0.5))
+    assert way(flight(), geoid, **ANGLED, height_datum="geoid").takeoff_m == pytest.approx(110.0)
+
+
+def test_without_heights_above_it_nobody_knows_where_the_takeoff_was() -> None:
+    assert math.isnan(way(flight(relative_height_m=NONE), **ANGLED).takeoff_m)
+
+
+HOME20 = Path(__file__).resolve().parents[4] / "shared/data/cases/telemetry/home20.srt"
+
+
+@pytest.mark.skipif(not HOME20.exists(), reason="no ../shared")
+def test_a_drone_that_took_off_lower_than_it_films() -> None:
+    frame = LocalFrame(58.4018, 15.5748)
+    telemetry = Telemetry.model_validate({"file": str(HOME20), "height_datum": "ellipsoid"})
+    trajectory = trajectory_of(read_dji_srt(HOME20), telemetry, frame, GROUND)
+    assert trajectory.takeoff_m == pytest.approx(93.267, abs=0.02)

@@ -6,6 +6,7 @@ import pytest
 
 from pipeline.config.second_look import SecondLook
 from pipeline.geo.frame import LocalFrame
+from pipeline.geo.heights import Heights
 from pipeline.outputs.second_look_files import (
     qgc_plan,
     write_qgc_plan,
@@ -13,6 +14,7 @@ from pipeline.outputs.second_look_files import (
     write_second_look,
 )
 from pipeline.second_look.areas import LOW_POD, SecondLookArea
+from pipeline.second_look.clearance import Clearance
 from pipeline.second_look.flight import SecondFlight, Waypoint
 
 FRAME = LocalFrame(63.4, 10.4)
@@ -24,6 +26,9 @@ FLIGHT = SecondFlight(
     40.0,
     17.0,
     (1,),
+    takeoff_m=100.0,
+    takeoff_is_told=True,
+    clearance=Clearance(11.5, 3.0),
 )
 
 
@@ -38,10 +43,21 @@ def test_an_area_is_a_closed_polygon_with_its_reasons(tmp_path):
 
 
 def test_the_flight_is_a_line_from_home_and_back(tmp_path):
-    write_second_flight(tmp_path / "f.geojson", FLIGHT, FRAME)
+    write_second_flight(tmp_path / "f.geojson", FLIGHT, FRAME, Heights("ellipsoid"))
     (feature,) = json.loads((tmp_path / "f.geojson").read_text())["features"]
     points = feature["geometry"]["coordinates"]
     assert (points[0], len(points), points[1][2]) == (points[-1], 4, 132.0)
+    properties = feature["properties"]
+    assert (properties["takeoff_height_m"], properties["takeoff_height_datum"]) == (100.0, "ellipsoid")
+    assert properties["height_above_takeoff_m"] == [20.0, 32.0, 30.5, 20.0]
+    assert (properties["least_height_above_surface_m"], properties["over_unknown_ground_m"]) == (11.5, 3.0)
+
+
+def test_heights_that_nobody_knows_what_they_count_from_are_no_heights_of_geojson(tmp_path):
+    write_second_flight(tmp_path / "f.geojson", FLIGHT, FRAME)
+    (feature,) = json.loads((tmp_path / "f.geojson").read_text())["features"]
+    assert {len(point) for point in feature["geometry"]["coordinates"]} == {2}
+    assert feature["properties"]["takeoff_height_datum"] == "not known"
 
 
 def test_without_areas_the_files_are_valid_and_empty(tmp_path):
@@ -96,12 +112,14 @@ def test_the_plan_follows_the_documented_format(tmp_path):
     assert plan["rallyPoints"] == {"points": [], "version": 2}
 
 
-def test_the_plan_takes_off_looks_down_flies_the_points_above_home_and_returns():
-    items = qgc_plan(FLIGHT, FRAME, SecondLook())["mission"]["items"]
+def test_the_plan_takes_off_looks_down_flies_the_points_above_the_takeoff_and_returns():
+    plan = qgc_plan(FLIGHT, FRAME, SecondLook())["mission"]
+    assert plan["plannedHomePosition"][2] == 100.0  # the ground at home is 120 m
+    items = plan["items"]
     assert [item["command"] for item in items] == [22, 178, 205, 16, 16, 20]
-    assert items[0]["params"][6] == 12.0  # as high as the highest way point
+    assert items[0]["params"][6] == 32.0  # as high as the highest way point
     assert items[2]["params"][0] == -90
     first = items[3]["params"]
-    assert (first[0], first[6]) == (4.0, 12.0)
+    assert (first[0], first[6]) == (4.0, 32.0)
     east, north = FRAME.enu_from_wgs84(np.array(first[4]), np.array(first[5]))
     assert (float(east), float(north)) == pytest.approx((5.0, 5.0), abs=2e-3)

@@ -7,6 +7,7 @@ from pipeline.config.second_look import SecondLook
 from pipeline.geo.frame import LocalFrame
 from pipeline.geo.terrain import Terrain
 from pipeline.second_look.areas import SecondLookArea
+from pipeline.second_look.clearance import clearance_of
 from pipeline.second_look.flight import STEP_M, footprint_m, plan_second_flight, visiting_order
 
 PARAMS = SecondLook()
@@ -59,6 +60,49 @@ def test_the_way_is_always_high_enough_above_the_surface(camera, hilly):
     for start, end in itertools.pairwise(points):
         for spot in np.linspace(start, end, 12):
             assert spot[2] - hilly.height(spot[0], spot[1]) >= PARAMS.height - 1e-3
+
+
+def test_its_heights_count_from_where_the_telemetry_says_that_it_took_off(camera, hilly):
+    small = [area(1, 5.0, 5.0, 3.0, 3.0)]
+    told = plan_second_flight(small, camera, hilly, HOME, PARAMS, takeoff_m=80.0)
+    assumed = plan_second_flight(small, camera, hilly, HOME, PARAMS)
+    ground = hilly.height(*HOME)
+    assert (told.takeoff_m, told.takeoff_is_told) == (80.0, True)
+    assert told.takeoff_below_home_m == pytest.approx(ground - 80.0)
+    assert (assumed.takeoff_m, assumed.takeoff_is_told) == (pytest.approx(ground), False)
+    highest = max(w.position_enu[2] for w in told.waypoints)
+    assert told.climb_m == pytest.approx(highest - 80.0)
+    assert assumed.climb_m == pytest.approx(highest - ground)
+
+
+def test_the_whole_way_is_checked_against_the_terrain(camera, hilly):
+    flight = plan_second_flight([area(1, -20.0, 20.0, 30.0, 10.0)], camera, hilly, HOME, PARAMS)
+    assert PARAMS.height - 1e-2 <= flight.clearance.least_m < PARAMS.height + 5.0
+    assert flight.clearance.unknown_m == 0.0
+
+
+@pytest.mark.parametrize(
+    ("east", "north", "least_m"), [(0.0, 0.0, 15.0), (10.2, 3.0, 5.0), (9.5, 3.2, 5.0), (20.0, 7.0, 15.0)]
+)
+def test_a_post_under_a_leg_is_found_and_one_beside_it_is_not(east, north, least_m):
+    """One cell of 0.5 m that is 10 m high, half way along a leg of 40 m at 15 m."""
+    heights = np.zeros((80, 120), dtype=np.float32)
+    terrain = Terrain(LocalFrame(47.0, 8.0), -10.0, -10.0, 0.5, heights)
+    row, column = terrain.cell(east, north)
+    heights[row, column] = 10.0
+    legs = np.array([[-5.0, 3.0, 15.0], [35.0, 3.0, 15.0]])
+    assert clearance_of(legs, terrain).least_m == pytest.approx(least_m)
+
+
+def test_what_leads_over_unknown_ground_is_told():
+    heights = np.zeros((40, 80), dtype=np.float32)
+    heights[:, 20:40] = np.nan  # 10 m of 40
+    terrain = Terrain(LocalFrame(47.0, 8.0), 0.0, 0.0, 0.5, heights)
+    legs = np.array([[1.0, 5.0, 15.0], [39.0, 5.0, 15.0], [39.0, 60.0, 15.0]])
+    checked = clearance_of(legs, terrain)
+    assert checked.unknown_m == pytest.approx(9.0 + 40.0, abs=1.0)
+    assert checked.least_m == pytest.approx(15.0)
+    assert clearance_of(legs[:1] - 100.0, terrain).least_m == np.inf
 
 
 def test_it_ends_above_home_and_its_length_is_that_of_its_legs(camera, hilly):
