@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
@@ -84,8 +85,8 @@ def check(
     for finding in (*prepared.findings, *push_one_picture(prepared, result)):
         _say(str(finding))
     for a in result.assignments:
-        which = "every picture" if a.period == 1 else f"one picture of {a.period}"
-        _say(f"planned: {a.stream}: {a.pool_detector} looks at {which}, on {a.machine}")
+        rate_hz = prepared.mission.processing.frame_rate / a.period
+        _say(f"planned: {a.stream}: {a.pool_detector} looks at {rate_hz:g} pictures a second, on {a.machine}")
     streams = "1 stream" if len(prepared.streams) == 1 else f"{len(prepared.streams)} streams"
     _say(f"{mission}: usable; {streams}; plan: {result.status}, objective {result.objective:.4g}")
 
@@ -210,7 +211,10 @@ def _print_people(summary) -> None:  # type: ignore[no-untyped-def]
     from pipeline.outputs.times import clock_time, zone_name
 
     caption = f"±: 95 %; {zone_name(summary.clock)}"
-    table = Table(title=summary.verdict.sentence, pad_edge=False, caption=caption)
+    # without rules between columns it fits 80 characters, and no coordinate is cut
+    table = Table(
+        pad_edge=False, caption=caption, caption_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0)
+    )
     possible = {place.id for place in summary.possible}
     distance = {} if summary.match is None else summary.match.distance_m
     for column in ("no.", "prob.", "latitude", "longitude", "±", "from", "to", "looks", "off by"):
@@ -236,7 +240,10 @@ def _print_people(summary) -> None:  # type: ignore[no-untyped-def]
             str(place.looks),
             known,
         )
-    Console().print(table)
+    console = Console()
+    console.print(summary.verdict.sentence, highlight=False, markup=False)
+    if table.row_count:
+        console.print(table)
 
 
 if __name__ == "__main__":

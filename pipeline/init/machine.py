@@ -16,7 +16,7 @@ from pipeline.config.evaluation import Setup
 from pipeline.config.pool import load_pool
 from pipeline.config.shipped import shipped
 from pipeline.evaluation.measuring.setup_timing import time_setup
-from pipeline.evaluation.pool.pool_file import sharing_rows, time_row
+from pipeline.evaluation.pool.pool_file import time_row
 from pipeline.storage.whole_or_nothing import replacing
 
 MACHINE_TYPE = "this-machine"
@@ -58,12 +58,13 @@ def write_measured_pool(
             [image],
             pictures=_PICTURES,
             warm_up=_WARM_UP,
-            sharing=(2,),
+            sharing=(),  # the mission that init writes does not plan with it
             score_cutoff=detector.score_threshold,
             progress=lambda _: None,
         )
-        row |= {"model": str(model), "times": [time_row(timing)], "sharing": sharing_rows([timing])}
+        row |= {"model": str(model), "times": [time_row(timing)]}
         row.pop("card", None)
+        row.pop("sharing", None)  # of another machine
     progress("measuring detectors", len(detectors), len(detectors))
     document["provenance"]["times"] = (
         f"measured on this machine by searchlight init, {_PICTURES} pictures each"
