@@ -36,6 +36,7 @@ from pipeline.mission.detectors import layers_of, look_at_detectors
 from pipeline.mission.faults import Faults
 from pipeline.mission.recording import Recording, read_recording
 from pipeline.mission.sent_size import as_sent
+from pipeline.mission.simulated_only import simulated_only
 from pipeline.mission.stages.source import StreamInput
 from pipeline.sensor.expected_size import expected_person_px
 from pipeline.sensor.model import SensorModel
@@ -129,6 +130,7 @@ def prepare(path: Path) -> PreparedMission:
     filmed = read_filmed(path, mission, faults)
     mission, terrain, cameras, streams = filmed.mission, filmed.terrain, filmed.cameras, filmed.streams
     streams = tuple(replace(s, source=as_sent(s.source, look.picture_sizes)) for s in streams)
+    unfit = simulated_only(look.simulated, [file for s in streams for file in s.source.paths])
     own_site = {s.id: s.site for s in mission.streams}
     person_px = {}
     if mission.processing.expected_size:
@@ -143,7 +145,7 @@ def prepare(path: Path) -> PreparedMission:
         cameras,
         streams,
         problem,
-        (*look.findings, *filmed.findings),
+        (*look.findings, *unfit, *filmed.findings),
         filmed.left_out,
         look.known,
         filmed.tracks,

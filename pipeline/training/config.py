@@ -119,6 +119,11 @@ class Training(Strict):
     augmentation: AugmentationParams
     optimisation: Optimisation
 
+    @property
+    def trained_on(self) -> str:
+        """For the ONNX file, with the attribution that real pictures ask for."""
+        return "simulated scenes" if self.labelled is None else f"real pictures: {self.labelled.attribution}"
+
     @model_validator(mode="after")
     def _has_pictures(self) -> Self:
         if (self.data is None) == (self.labelled is None):

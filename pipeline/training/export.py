@@ -13,10 +13,13 @@ from pipeline.training.network import DecodedNetwork, PersonNetwork
 _OPSET = 17
 
 
-def export_onnx(network: PersonNetwork, path: Path, *, width: int, height: int, name: str) -> None:
+def export_onnx(
+    network: PersonNetwork, path: Path, *, width: int, height: int, name: str, trained_on: str
+) -> None:
     """Write the network in its evaluation form, decoding included, for pictures of height x width.
 
-    The file appears under its name only when it is complete.
+    trained_on: what it says of itself; a mission warns of ``simulated scenes``. The file appears under its
+    name only when it is complete.
     """
     decoded = DecodedNetwork(network).eval()
     image = torch.zeros(1, height, width, 3, dtype=torch.uint8)
@@ -31,17 +34,18 @@ def export_onnx(network: PersonNetwork, path: Path, *, width: int, height: int, 
         dynamo=False,
     )
     model = onnx.load(partial)
-    onnx.helper.set_model_props(model, _metadata(width, height, name))
+    onnx.helper.set_model_props(model, _metadata(width, height, name, trained_on))
     onnx.checker.check_model(model)
     partial.write_bytes(model.SerializeToString())
     os.replace(partial, path)
 
 
-def _metadata(width: int, height: int, name: str) -> dict[str, str]:
+def _metadata(width: int, height: int, name: str, trained_on: str) -> dict[str, str]:
     return {
         "layout": "searchlight",
         "name": name,
         "input": f"uint8 RGB {width}x{height}",
         "normalisation": "none; values 0..255 are scaled in the graph",
         "classes": "person",
+        "trained_on": trained_on,
     }

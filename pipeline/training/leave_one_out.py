@@ -81,7 +81,14 @@ def _measured(
     if checkpoint.is_file():
         optimiser.resume(checkpoint)
     optimiser.run(part(pictures, given, fold.labelled.train), checkpoint, progress, lambda: None)
-    export_onnx(optimiser.mean, model, width=fold.input.width, height=fold.input.height, name=fold.name)
+    export_onnx(
+        optimiser.mean,
+        model,
+        width=fold.input.width,
+        height=fold.input.height,
+        name=fold.name,
+        trained_on=fold.trained_on,
+    )
     left_out = part(pictures, given, (group,))
     looked = look(load_detector(model, score_threshold=LOWEST_SCORE), left_out, left_out.clean)
     return accuracy(looked, LOWEST_SCORE)

@@ -81,4 +81,11 @@ def _of(scenes: Scenes) -> tuple[int, int, int]:
 
 def _export(optimiser: Optimiser, training: Training, model: Path) -> None:
     size = training.input
-    export_onnx(optimiser.mean, model, width=size.width, height=size.height, name=training.name)
+    export_onnx(
+        optimiser.mean,
+        model,
+        width=size.width,
+        height=size.height,
+        name=training.name,
+        trained_on=training.trained_on,
+    )

@@ -48,7 +48,7 @@ def test_boxes_reach_from_the_cells_centre_by_the_distances(stride):
 def test_the_export_equals_torch(tmp_path, stride):
     network = trained_a_little(stride=stride)
     path = tmp_path / "net.onnx"
-    export_onnx(network, path, width=96, height=64, name="net")
+    export_onnx(network, path, width=96, height=64, name="net", trained_on="squares")
     image = np.random.default_rng(0).integers(0, 256, (1, 64, 96, 3), dtype=np.uint8)
     outputs = Session(path, threads=1, provider="cpu").run({"image": image})
     boxes, scores = outputs["boxes"], outputs["scores"]
@@ -60,9 +60,10 @@ def test_the_export_equals_torch(tmp_path, stride):
 
 def test_the_export_is_recognised_as_ours_and_leaves_nothing_else(tmp_path):
     path = tmp_path / "net.onnx"
-    export_onnx(trained_a_little(), path, width=96, height=64, name="net")
+    export_onnx(trained_a_little(), path, width=96, height=64, name="net", trained_on="squares")
     detector = load_detector(path, score_threshold=0.0)
     boxes, scores, _ = detector.detect(np.zeros((576, 1024, 3), np.uint8))
     assert detector.recognised.name == "searchlight"
+    assert detector.recognised.facts.metadata["trained_on"] == "squares"
     assert len(boxes) == len(scores) > 0
     assert [p.name for p in tmp_path.iterdir()] == ["net.onnx"]
