@@ -84,6 +84,10 @@ class Fusion(Strict):
     """Cells above the threshold that are closer than that are one place. Example: `{meters: 2}`."""
     possible_frames: int = Field(default=3, ge=2)
     """A place below the threshold that was detected in so many frames is listed apart, as possible."""
+    update_rule: Literal["with_uncertainty", "paper"] = "with_uncertainty"
+    """``paper``: the map is updated as if every pose were exact and every frame a look of its own; the error
+    ellipses of places follow `uncertainty` under both.
+    """
     clamp_min: float = Field(default=0.1192, ge=0.0, lt=0.5)
     """Least probability of a cell."""
     clamp_max: float = Field(default=0.971, gt=0.5, le=1.0)

@@ -5,7 +5,14 @@ from __future__ import annotations
 import math
 
 from pipeline.config.base import Strict
-from pipeline.config.units import NonNegativeMeters, NonNegativePixels, NonNegativeRadians, PositiveSeconds
+from pipeline.config.units import (
+    NonNegativeMeters,
+    NonNegativePixels,
+    NonNegativeRadians,
+    NonNegativeSeconds,
+    PositiveMeters,
+    PositiveSeconds,
+)
 
 
 class Uncertainty(Strict):
@@ -16,7 +23,8 @@ class Uncertainty(Strict):
 
     The defaults are those of a drone with plain satellite positioning: open-sky receivers state 1.5 m within
     which half of the positions lie (1.5 m / 1.177 on each axis) and heights half as good again; compasses and
-    gimbals are good to a degree. With RTK a mission should say so.
+    gimbals are good to a degree. With RTK a mission should say so. With all that may be 0 at 0 the map is the
+    paper's.
     """
 
     position_bias: NonNegativeMeters = 1.3
@@ -37,3 +45,15 @@ class Uncertainty(Strict):
     """Of the surface's height about a place."""
     body: NonNegativeMeters = 0.12
     """Of the middle of a person from the middle of the boxes, which posture and cover move."""
+    cause_time: NonNegativeSeconds = 0.5
+    """For how long what hides a person from a detector, or looks like one, stays alike: frames that are closer
+    together count less than one look each. 0: every frame is a look.
+    """
+    widest_look: PositiveMeters = 5.0
+    """A box whose place is known worse than that, by its noise and in its worst direction, raises nothing."""
+
+
+#: all is known exactly and every frame is a look of its own: the paper's world
+EXACT = Uncertainty().model_copy(
+    update=dict.fromkeys(set(Uncertainty.model_fields) - {"correlation_time", "widest_look"}, 0.0)
+)

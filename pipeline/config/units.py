@@ -64,6 +64,7 @@ Meters = Annotated[float, BeforeValidator(Quantity(_METERS, -_MOST, _MOST))]
 NonNegativeMeters = Annotated[float, BeforeValidator(Quantity(_METERS, 0.0, _MOST))]
 PositiveMeters = Annotated[float, BeforeValidator(Quantity(_METERS, 1e-9, _MOST))]
 Seconds = Annotated[float, BeforeValidator(Quantity(_SECONDS, -_MOST, _MOST))]
+NonNegativeSeconds = Annotated[float, BeforeValidator(Quantity(_SECONDS, 0.0, _MOST))]
 PositiveSeconds = Annotated[float, BeforeValidator(Quantity(_SECONDS, 1e-9, _MOST))]
 Hertz = Annotated[float, BeforeValidator(Quantity(_HERTZ, 1e-6, 1e6))]
 #: bits per second; ``{mbps: .inf}`` is a link without limit

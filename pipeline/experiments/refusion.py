@@ -42,10 +42,13 @@ def fuse_again(
     relative_accuracy: Mapping[str, float] | None = None,
     after: Callable[[int, Fuser], None] | None = None,
 ) -> Fused:
-    """results: in order. relative_accuracy: p_det_rel by pool detector, the pool's if absent.
+    """The map by the paper's update rule, whatever the mission's: the experiments are the paper's.
+
+    results: in order. relative_accuracy: p_det_rel by pool detector, the pool's if absent.
 
     after: called with the number of each result and the fuser that has taken it.
     """
+    fusion = fusion.model_copy(update={"update_rule": "paper"})
     same = fusion.cell_size == prepared.mission.fusion.cell_size
     terrain = prepared.terrain if same else terrain_at(prepared, fusion.cell_size)
     by_pool = relative_accuracy or prepared.relative_accuracy

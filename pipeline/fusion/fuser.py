@@ -23,8 +23,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.config.fusion import Fusion
+from pipeline.config.uncertainty import EXACT
 from pipeline.errors import InputError
+from pipeline.fusion.footprint import NO_FOOTPRINTS, Footprints, footprints
 from pipeline.fusion.look import Look
+from pipeline.fusion.look_covariance import look_covariances
 from pipeline.fusion.optics import Optics, OpticsByFocalLength
 from pipeline.fusion.result_faults import box_fault, is_cut, pose_fault, shape_fault
 from pipeline.fusion.visibility import Visibility
@@ -38,6 +41,7 @@ from pipeline.sensor.expected_size import expected_person_px
 #: score of a box that a person's size may be read from
 _SURE = 0.5
 _NO_BOXES = np.zeros((0, 4))
+_NO_WIDTHS = np.zeros((0, 2, 2)), np.zeros((0, 2, 2))
 
 
 class Fuser:
@@ -46,7 +50,8 @@ class Fuser:
     maps: a VoxelMap per class name; map: that of persons. looks: the detections that raised them, in the
     order of time, stream and detector. refused: bad input by reason, which left the map as it was. unplaced:
     good boxes without a valid voxel or with an impossible size, by reason; they raised nothing. sizes: of sure boxes
-    of people against the size of a person at their place, (stream, ``size_bin``) -> count.
+    of people against the size of a person at their place, (stream, ``size_bin``) -> count. last_ns: capture time
+    of the last result of each stream and detector, ns UTC.
     """
 
     def __init__(
@@ -80,6 +85,8 @@ class Fuser:
         self._terrain = terrain
         self._cameras, self._p_detector = dict(cameras), dict(relative_accuracy)
         self._optics = {stream: OpticsByFocalLength(camera, params) for stream, camera in cameras.items()}
+        self._uncertainty = EXACT if params.update_rule == "paper" else params.uncertainty
+        self.last_ns: dict[tuple[str, str], int] = {}
 
     def apply(self, detections: Detections) -> None:
         """Apply one frame's result: first what it raises, then what it lowers.
@@ -93,14 +100,62 @@ class Fuser:
         sound = self._sound_boxes(detections)
         looks = self._looks(detections, sound) if sound else []
         boxes_px = detections.boxes_px[sound] if sound else _NO_BOXES
+        share, widths = self._share_that_counts(detections), self._widths(detections, looks)
         for name, voxel_map in self.maps.items():
-            mine = [look for look in looks if look.class_name == name]
-            raised = np.array([[k.row for k in mine], [k.column for k in mine]], dtype=np.int64)
-            if mine:
-                voxel_map.update(raised[0], raised[1], log_odds(np.array([look.p for look in mine])))
-            distances_m = np.array([math.dist(k.intersection_enu, k.camera_enu) for k in mine])
-            self._observe(voxel_map, name, detections, boxes_px, (raised, distances_m))
-        self._keep(looks)
+            mine = [i for i, look in enumerate(looks) if look.class_name == name]
+            wide = self._footprints(looks, mine, widths)
+            raised = [looks[i] for i in mine if wide is not NO_FOOTPRINTS or self._owns(looks[i])]
+            cells = np.array([[k.row for k in raised], [k.column for k in raised]], dtype=np.int64)
+            if raised and wide is NO_FOOTPRINTS:
+                voxel_map.update(cells[0], cells[1], share * log_odds(np.array([k.p for k in raised])))
+            distances_m = np.array([math.dist(k.intersection_enu, k.camera_enu) for k in raised])
+            self._observe(voxel_map, name, detections, boxes_px, (cells, distances_m), wide, share)
+        vague = self._vague(widths)
+        if vague.any():
+            self.unplaced["known too badly where"] += int(vague.sum())
+        self._keep([look for look, bad in zip(looks, vague, strict=True) if self._owns(look) and not bad])
+
+    def _owns(self, look: Look) -> bool:
+        return self.map.tiles.owns(look.row, look.column)
+
+    def _widths(self, detections: Detections, looks: list[Look]) -> tuple[FloatArray, FloatArray]:
+        """Noise and total covariances (N, 2, 2) of the looks."""
+        if not looks:
+            return _NO_WIDTHS
+        optics, points = self._optics_of(detections), np.array([look.intersection_enu for look in looks])
+        return look_covariances(
+            points, detections.pose, self._uncertainty, optics.pixel_rad, optics.camera.focal_sd
+        )
+
+    def _vague(self, widths: tuple[FloatArray, FloatArray]) -> NDArray[np.bool_]:
+        """Which looks (N,) are known too badly to raise anything."""
+        noise = widths[0]
+        return np.asarray(np.linalg.eigvalsh(noise)[:, 1] > self._uncertainty.widest_look**2)
+
+    def _footprints(
+        self, looks: list[Look], mine: list[int], widths: tuple[FloatArray, FloatArray]
+    ) -> Footprints:
+        """Where some of the looks may raise the map; none if all is known exactly, or there are none."""
+        noise, total = widths[0][mine], widths[1][mine]
+        if not total.any():
+            return NO_FOOTPRINTS
+        points = np.array([looks[i].intersection_enu for i in mine])
+        p = np.array([looks[i].p for i in mine])
+        return footprints(self._terrain, points, noise, total, np.where(self._vague((noise, total)), 0.5, p))
+
+    def _share_that_counts(self, detections: Detections) -> float:
+        """Of a frame's evidence: the effective number of looks of a series whose errors are correlated.
+
+        Frames of one substream at a distance of t seconds share what hides a person, or looks like one, with the
+        correlation r = exp(-t / cause_time): n of them are worth n (1 - r) / (1 + r) looks (the effective sample
+        size of an AR(1) series; G. V. Bayley, J. M. Hammersley, 1946). The first of a substream counts whole.
+        """
+        before = self.last_ns.get((detections.stream, detections.detector))
+        self.last_ns[detections.stream, detections.detector] = detections.time_ns
+        cause_s = self._uncertainty.cause_time
+        if before is None or cause_s == 0.0:
+            return 1.0
+        return math.tanh(abs(detections.time_ns - before) * 1e-9 / (2.0 * cause_s))
 
     def _optics_of(self, detections: Detections) -> Optics:
         return self._optics[detections.stream].at(detections.pose.focal_scale)
@@ -144,7 +199,7 @@ class Fuser:
             look = self._look(detections, i, to_center, to_bottom)
             if isinstance(look, str):
                 self.unplaced[look] += 1
-            elif self.map.tiles.owns(look.row, look.column):
+            else:
                 looks.append(look)
         return looks
 
@@ -212,6 +267,8 @@ class Fuser:
         detections: Detections,
         boxes_px: FloatArray,
         raised: tuple[NDArray[np.int64], FloatArray],
+        wide: Footprints,
+        share: float,
     ) -> None:
         """negativeUpdate of Algorithm grid_update. raised: rows and columns (2, N), and distances (N,)."""
         camera, optics = self._cameras[detections.stream], self._optics_of(detections)
@@ -219,4 +276,6 @@ class Fuser:
         seen, distances_m = self._visibility.cells(
             camera, detections.pose, optics.reach_m, boxes_px, model.typical_height_m
         )
-        voxel_map.observe(seen, distances_m, *raised, model, p_detector, detections.time_ns)
+        voxel_map.observe(
+            seen, distances_m, *raised, model, p_detector, detections.time_ns, wide=wide, share=share
+        )

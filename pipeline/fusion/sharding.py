@@ -39,4 +39,4 @@ def merge(fusers: Sequence[Fuser], into: Fuser) -> None:
                 whole.tiles.touched[tile] = True
     into.looks[:] = sorted((look for fuser in fusers for look in fuser.looks), key=lambda look: look.order)
     into.refused, into.unplaced = fusers[0].refused.copy(), fusers[0].unplaced.copy()
-    into.sizes = fusers[0].sizes.copy()
+    into.sizes, into.last_ns = fusers[0].sizes.copy(), fusers[0].last_ns.copy()

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
+from pipeline.fusion.footprint import NO_FOOTPRINTS, Footprints
 from pipeline.fusion.tiles import Tiles, Window
 from pipeline.fusion.voxel_map_kernels import add_clamped, observe
 from pipeline.geo.terrain import Terrain
@@ -177,11 +178,15 @@ class VoxelMap:
         model: SensorModel,
         p_detector: float,
         time_ns: int,
+        wide: Footprints = NO_FOOTPRINTS,
+        share: float = 1.0,
     ) -> None:
-        """Lower the voxels that a frame saw, but not those it raised, and note how well it saw all of them.
+        """Lower the voxels that a frame saw, raise those of its wide looks, and note how well it saw all of them.
 
         seen: int32 (2, N) rows and columns, each voxel once. distances_m: float64 (N,) from the camera;
-        voxels beyond the model's greatest distance are left alone. raised: int64 (2, M) rows and columns.
+        voxels beyond the model's greatest distance are left alone. raised: int64 (2, M) rows and columns of the
+        looks' points. wide: the looks that have a width; if there is none, raised have been raised, and are not
+        lowered. share: of the frame's evidence that counts, 0..1.
         """
         observe(
             self.tiles.cells,
@@ -191,7 +196,8 @@ class VoxelMap:
             distances_m,
             raised,
             raised_distances_m,
-            (p_detector * model.negative_max, model.frame_pod(0.0, p_detector)),
+            (wide.windows, wide.starts, wide.raised, wide.shielded, wide.odds),
+            (p_detector * model.negative_max, model.frame_pod(0.0, p_detector), share),
             (model.max_distance_m, model.resolution_px_m),
             (time_ns, LOOK_GAP_NS),
             self.limits,

@@ -21,19 +21,24 @@ def add_clamped(cells, flat, delta, low, high):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, error_model="numpy")
 def observe(  # type: ignore[no-untyped-def]
-    cells, owned, touched, seen, distances, raised, raised_distances, strength, reach, time, limits
+    cells, owned, touched, seen, distances, raised, raised_distances, wide, strength, reach, time, limits
 ):
-    """Lower the seen voxels (2, N), but not those raised (2, M), and note how well all of them were seen.
+    """Lower the seen voxels (2, N), raise those of the wide looks, and note how well all of them were seen.
 
     owned, touched: (tile rows, tile columns); other voxels are left alone. distances, raised_distances: (N,),
-    (M,) from the camera, metres. strength: p_det^rel * p_negative^max, and POD of a frame from no distance.
-    reach: metres, where both have fallen to 0 (farther voxels are not lowered), and pixels per person times
-    metres. time: of the frame, and the longest pause within a look, ns. limits: of the log-odds.
+    (M,) from the camera, metres. raised: (2, M), the cells of the looks' points. wide: of the looks that have a
+    width, as in ``footprint``: windows, starts, raised, shielded, and the odds e^R (W,) of their updates; where
+    there is none, the cells of raised have been raised before, and are not lowered. strength: p_det^rel *
+    p_negative^max, POD of a frame from no distance, and the share of the frame's evidence that counts. reach:
+    metres, where both have fallen to 0 (farther voxels are not lowered), and pixels per person times metres.
+    time: of the frame, and the longest pause within a look, ns. limits: of the log-odds.
     """
-    negative, pod = strength
+    negative, pod, share = strength
     max_distance, resolution = reach
     low, high = limits
     per_m = 1.0 / max_distance
+    width = wide[0].shape[0]
+    done = np.zeros(wide[2].size, dtype=np.bool_)
     for i in range(seen.shape[1]):
         r, c, distance = seen[0, i], seen[1, i], distances[i]
         if distance > max_distance or not owned[r >> TILE_BITS, c >> TILE_BITS]:
@@ -41,15 +46,57 @@ def observe(  # type: ignore[no-untyped-def]
         touched[r >> TILE_BITS, c >> TILE_BITS] = True
         cell = cells[_flat(r, c, touched.shape[1])]
         factor = 1.0 - distance * per_m
-        if not _among(r, c, raised):
+        if width or not _among(r, c, raised):
             less = min(factor * negative, 0.5 - 1e-9)
-            cell.log_odds = min(max(cell.log_odds + math.log((0.5 - less) / (0.5 + less)), low), high)
+            odds = (0.5 - less) / (0.5 + less)
+            if width:
+                odds = _odds_of_wide(r, c, odds, wide, done)
+            cell.log_odds = min(max(cell.log_odds + share * math.log(odds), low), high)
             cell.observations += 1
         _note_look(cell, pod * factor, resolution / distance, time)
+    if width:
+        _raise_unseen(cells, owned, touched, wide, done, share, limits)
     for i in range(raised.shape[1]):  # they may lie behind their box, but they were seen
-        cell = cells[_flat(raised[0, i], raised[1, i], touched.shape[1])]
-        factor = max(1.0 - raised_distances[i] / max_distance, 0.0)
-        _note_look(cell, pod * factor, resolution / raised_distances[i], time)
+        if owned[raised[0, i] >> TILE_BITS, raised[1, i] >> TILE_BITS]:
+            cell = cells[_flat(raised[0, i], raised[1, i], touched.shape[1])]
+            factor = max(1.0 - raised_distances[i] / max_distance, 0.0)
+            _note_look(cell, pod * factor, resolution / raised_distances[i], time)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _odds_of_wide(row, column, missed, wide, done):  # type: ignore[no-untyped-def]
+    """The odds of a cell by the look that says most of it. missed: by none of them; noted in done."""
+    windows, starts, raised, shielded, odds = wide
+    most, shield = 0.0, 0.0
+    for j in range(windows.shape[0]):
+        r, c = row - windows[j, 0], column - windows[j, 1]
+        if 0 <= r < windows[j, 2] and 0 <= c < windows[j, 3]:
+            k = starts[j] + r * windows[j, 3] + c
+            done[k] = True
+            shield = max(shield, shielded[k])
+            kept = shielded[k] + (1.0 - shielded[k]) * missed
+            most = max(most, raised[k] * odds[j] + (1.0 - raised[k]) * kept)
+    return max(most, shield + (1.0 - shield) * missed)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _raise_unseen(cells, owned, touched, wide, done, share, limits):  # type: ignore[no-untyped-def]
+    """Raise the cells of the wide looks that are behind a box, or that the frame does not speak for."""
+    windows, starts, raised = wide[0], wide[1], wide[2]
+    low, high = limits
+    for j in range(windows.shape[0]):
+        for k in range(starts[j], starts[j + 1]):
+            if done[k] or raised[k] == 0.0:
+                continue
+            r = windows[j, 0] + (k - starts[j]) // windows[j, 3]
+            c = windows[j, 1] + (k - starts[j]) % windows[j, 3]
+            odds = _odds_of_wide(r, c, 1.0, wide, done)
+            if not owned[r >> TILE_BITS, c >> TILE_BITS]:
+                continue
+            touched[r >> TILE_BITS, c >> TILE_BITS] = True
+            cell = cells[_flat(r, c, touched.shape[1])]
+            cell.log_odds = min(max(cell.log_odds + share * math.log(odds), low), high)
+            cell.observations += 1
 
 
 @numba.njit(cache=True)

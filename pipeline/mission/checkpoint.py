@@ -61,6 +61,7 @@ def _state(stage: ReducerStage) -> dict[str, Any]:
         "fuser_refused": stage.fuser.refused,
         "unplaced": stage.fuser.unplaced,
         "sizes": sorted(stage.fuser.sizes.items()),
+        "last_ns": sorted(stage.fuser.last_ns.items()),
         "sequencer": {
             "open": sequencer.open,
             "newest_ns": sorted(sequencer.newest_ns.items()),
@@ -90,6 +91,7 @@ def _restore_fuser(stage: ReducerStage, state: dict[str, Any]) -> None:
     fuser.looks[:] = [_look(values) for values in state["looks"]]
     fuser.refused, fuser.unplaced = Counter(state["fuser_refused"]), Counter(state["unplaced"])
     fuser.sizes = Counter(dict(state.get("sizes", ())))  # absent from checkpoints before it was counted
+    fuser.last_ns = dict(state.get("last_ns", ()))
 
 
 def _look(values: tuple[Any, ...]) -> Look:

@@ -27,6 +27,7 @@ def params() -> Fusion:
             "threshold": 0.7,
             "cluster_distance": {"meters": 1.5},
             "lateness": {"seconds": 2.0},
+            "update_rule": "paper",
         }
     )
 
