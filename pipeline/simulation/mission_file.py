@@ -31,6 +31,8 @@ _UNITS = {
     "position_noise": ("meters", 1.0),
     "attitude_noise": ("degrees", math.pi / 180.0),
     "correlation_time": ("seconds", 1.0),
+    "cause_time": ("seconds", 1.0),
+    "widest_look": ("meters", 1.0),
     "box": ("pixels", 1.0),
     "terrain": ("meters", 1.0),
     "body": ("meters", 1.0),

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -24,7 +26,9 @@ def cached(small_mission, tmp_path_factory):
 def test_fusing_kept_detections_gives_the_map_of_a_run(cached):
     prepared, _, results = cached
     again = fuse_again(prepared, results, prepared.mission.fusion)
-    run = run_local(prepared, plan(prepared), quiet)
+    fusion = prepared.mission.fusion.model_copy(update={"update_rule": "paper"})
+    by_the_paper = replace(prepared, mission=prepared.mission.model_copy(update={"fusion": fusion}))
+    run = run_local(by_the_paper, plan(prepared), quiet)
     np.testing.assert_array_equal(again.fuser.map.log_odds, run.reducer.fuser.map.log_odds)
 
 
