@@ -7,9 +7,7 @@ a file does not say is found in its heights where that is certain (-9999 is no h
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -17,15 +15,22 @@ from typing import Literal
 import numpy as np
 import rasterio
 from numpy.typing import NDArray
-from pyproj import CRS, Transformer
-from pyproj.exceptions import ProjError
-from rasterio.errors import NotGeoreferencedWarning, RasterioError
+from pyproj import Transformer
 from rasterio.warp import Resampling, reproject
 from rasterio.windows import Window
-from scipy.ndimage import binary_dilation
 
 from pipeline.errors import InputError
 from pipeline.geo.frame import LocalFrame
+from pipeline.geo.raster_content import (
+    HIGHEST_M,
+    LOWEST_M,
+    SENTINELS,
+    note_impossible,
+    overview_of,
+    picture_reason,
+    zeros_are_border,
+)
+from pipeline.geo.raster_file import EXPECTED, horizontal, opened, vertical
 
 Heights = NDArray[np.float32]
 HeightUnit = Literal["meters", "feet", "us_survey_feet", "decimeters", "centimeters"]
@@ -42,16 +47,9 @@ _UNIT_NAMES: dict[str, HeightUnit] = {
     "foot us": "us_survey_feet", "us_survey_foot": "us_survey_feet", "dm": "decimeters", "decimetre": "decimeters",
     "cm": "centimeters", "centimetre": "centimeters", "centimeter": "centimeters", "centimeters": "centimeters",
 }  # fmt: skip
-#: the Dead Sea's shore and Mount Everest, with room: what lies outside is no height, metres
-LOWEST_M, HIGHEST_M = -600.0, 9200.0
-#: zeros at the border are no sea if the ground beside them stands so high, metres, for the most part
-_CLIFF_M = 10.0
-_EXPECTED = "a GeoTIFF surface model: one band of heights, with a CRS and its place"
-#: values that stand for unknown in so many files that they are no heights, tagged or not
-_SENTINELS = (-9999.0, -32768.0, -32767.0, -99999.0)
+_GEOID_DRIVERS = ("SRTMHGT", "DTED")
 #: cells of a source that are read at a time
 _MOST_CELLS = 24_000_000
-_OVERVIEW = 512
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +75,7 @@ def inspect(path: Path, unit: HeightUnit | None = None, nodata: float | None = N
     with opened(path) as source:
         if source.count != 1 or source.dtypes[0] in ("uint8", "int8") or "complex" in source.dtypes[0]:
             found = f"a picture or a mask ({source.count} bands of {source.dtypes[0]}), no surface model"
-            raise InputError(path, found, _EXPECTED)
+            raise InputError(path, found, EXPECTED)
         notes: list[str] = []
         meters_per_unit = _meters_per_unit(source, unit, notes)
         scale, offset = float(source.scales[0]), float(source.offsets[0])
@@ -86,10 +84,13 @@ def inspect(path: Path, unit: HeightUnit | None = None, nodata: float | None = N
                 f"{path} scale, offset", f"{scale:g}, {offset:g}", "finite numbers, the scale not 0"
             )
         nodata = source.nodata if nodata is None else nodata
-        overview = _overview(source, nodata)
+        overview = overview_of(source, nodata)
         heights = (overview * scale + offset) * meters_per_unit
-        _note_impossible(heights, overview, notes)
-        zero_is_unknown = nodata != 0.0 and offset == 0.0 and _zeros_are_border(heights)
+        reason = picture_reason(source, nodata, scale * meters_per_unit, heights, overview)
+        if reason:
+            raise InputError(path, f"a picture, no surface model: {reason}", EXPECTED)
+        note_impossible(heights, overview, notes)
+        zero_is_unknown = nodata != 0.0 and offset == 0.0 and zeros_are_border(heights)
         if zero_is_unknown:
             notes.append(
                 "zeros at the border, beside much higher ground, are taken for unknown, not for ground"
@@ -103,11 +104,11 @@ def center_wgs84(path: Path) -> tuple[float, float]:
     """Latitude and longitude of the middle of a surface model, degrees."""
     with opened(path) as source:
         east, north = source.transform * (source.width / 2.0, source.height / 2.0)
-        longitude, latitude = Transformer.from_crs(
-            _horizontal(source), "EPSG:4326", always_xy=True
-        ).transform(east, north)
+        longitude, latitude = Transformer.from_crs(horizontal(source), "EPSG:4326", always_xy=True).transform(
+            east, north
+        )
     if not (math.isfinite(latitude) and math.isfinite(longitude)):
-        raise InputError(path, "a place that is not on Earth", _EXPECTED)
+        raise InputError(path, "a place that is not on Earth", EXPECTED)
     return float(latitude), float((longitude + 180.0) % 360.0 - 180.0)
 
 
@@ -121,7 +122,7 @@ def bounds_m(path: Path, frame: LocalFrame) -> tuple[float, float, float, float]
         east, north = _from_pixels(source, frame, x, y)
     known = np.isfinite(east) & np.isfinite(north)
     if not known.any():
-        raise InputError(path, "a place that is not on Earth", _EXPECTED)
+        raise InputError(path, "a place that is not on Earth", EXPECTED)
     return tuple(
         float(v) for v in (east[known].min(), north[known].min(), east[known].max(), north[known].max())
     )  # type: ignore[return-value]
@@ -163,31 +164,6 @@ def resample(
     return result
 
 
-@contextmanager
-def opened(path: Path) -> Iterator[rasterio.DatasetReader]:
-    """The raster, if it has a CRS and a place. Raises InputError for what cannot be read, also while it is used."""
-    if not path.is_file():
-        raise InputError(path, "no file", _EXPECTED)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", NotGeoreferencedWarning)
-            source = rasterio.open(path)
-    except (RasterioError, ValueError) as error:
-        raise InputError(path, "a file that is not a raster", _EXPECTED) from error
-    with source:
-        if source.crs is None:
-            raise InputError(f"{path} CRS", "none", "a GeoTIFF with a coordinate reference system")
-        if source.transform.is_identity or source.transform.determinant == 0.0:
-            raise InputError(f"{path} georeference", "none", "a GeoTIFF that says where it lies")
-        try:
-            yield source
-        except (RasterioError, ProjError, MemoryError, OverflowError, ValueError) as error:
-            reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-            raise InputError(
-                path, f"a raster that cannot be read whole ({reason[:120]})", _EXPECTED
-            ) from None
-
-
 def _meters_per_unit(source: rasterio.DatasetReader, told: HeightUnit | None, notes: list[str]) -> float:
     if told is not None:
         return METERS_PER[told]
@@ -207,68 +183,18 @@ def _meters_per_unit(source: rasterio.DatasetReader, told: HeightUnit | None, no
     return by_band
 
 
-def _vertical(source: rasterio.DatasetReader) -> CRS | None:
-    """The vertical part of a compound CRS, or the CRS itself where it has three axes."""
-    crs = CRS.from_wkt(source.crs.to_wkt())
-    parts = [part for part in crs.sub_crs_list if part.is_vertical]
-    if parts:
-        return parts[0]
-    return crs if len(crs.axis_info) == 3 else None
-
-
 def _vertical_factor(source: rasterio.DatasetReader) -> float | None:
-    vertical = _vertical(source)
-    return None if vertical is None else float(vertical.axis_info[-1].unit_conversion_factor)
+    part = vertical(source)
+    return None if part is None else float(part.axis_info[-1].unit_conversion_factor)
 
 
 def _datum(source: rasterio.DatasetReader) -> HeightDatum | None:
-    vertical = _vertical(source)
-    if vertical is None:
-        return None
-    is_ellipsoid = len(vertical.axis_info) == 3 or "ellipsoid" in vertical.name.lower()
+    part = vertical(source)
+    if part is None:
+        # by their standards both count from EGM96
+        return "geoid" if source.driver in _GEOID_DRIVERS else None
+    is_ellipsoid = len(part.axis_info) == 3 or "ellipsoid" in part.name.lower()
     return "ellipsoid" if is_ellipsoid else "geoid"
-
-
-def _horizontal(source: rasterio.DatasetReader) -> CRS:
-    crs = CRS.from_wkt(source.crs.to_wkt())
-    return next((part for part in crs.sub_crs_list if not part.is_vertical), crs)
-
-
-def _overview(source: rasterio.DatasetReader, nodata: float | None) -> NDArray[np.float64]:
-    """Values of the whole raster, coarse; NaN where it says that there are none."""
-    rows, columns = min(source.height, _OVERVIEW), min(source.width, _OVERVIEW)
-    if source.height * source.width > 4_000_000_000 and not source.overviews(1):
-        # the middle alone: to see all of such a raster takes minutes
-        corner = (source.width - columns) // 2, (source.height - rows) // 2
-        values = source.read(1, window=Window(*corner, columns, rows))
-    else:
-        values = source.read(1, out_shape=(rows, columns), resampling=Resampling.nearest)
-    result = values.astype(np.float64)
-    if nodata is not None:
-        result[values == nodata] = np.nan
-    return np.asarray(result)
-
-
-def _note_impossible(heights: NDArray[np.float64], values: NDArray[np.float64], notes: list[str]) -> None:
-    impossible = (heights < LOWEST_M) | (heights > HIGHEST_M) | np.isin(values, _SENTINELS)
-    outside = np.isfinite(heights) & impossible
-    if outside.any():
-        usual = np.unique(values[outside])[:3].tolist()
-        notes.append(
-            f"{outside.mean():.1%} of the cells hold {usual}, which are no heights: taken for unknown"
-        )
-
-
-def _zeros_are_border(heights: NDArray[np.float64]) -> bool:
-    """Whether zeros that reach the raster's border stand for unknown: the ground beside them is a cliff."""
-    zero = heights == 0.0
-    if not np.concatenate([zero[0], zero[-1], zero[:, 0], zero[:, -1]]).any():
-        return False
-    beside = binary_dilation(zero) & ~zero & np.isfinite(heights)
-    neighbours = np.abs(heights[beside])
-    if not len(neighbours):
-        return False
-    return bool(np.median(neighbours) > _CLIFF_M and np.quantile(neighbours, 0.1) > _CLIFF_M / 2)
 
 
 def _heights(model: SurfaceModel, values: NDArray[np.generic]) -> Heights:
@@ -281,7 +207,7 @@ def _heights(model: SurfaceModel, values: NDArray[np.generic]) -> Heights:
     if model.zero_is_unknown:
         unknown |= values == 0
     # before scale and unit, or -9999 cm would be ground at -100 m
-    unknown |= np.isin(values, _SENTINELS)
+    unknown |= np.isin(values, SENTINELS)
     heights[unknown] = np.nan
     return np.asarray(heights, dtype=np.float32)
 
@@ -291,7 +217,7 @@ def _from_pixels(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     t = source.transform
     east, north = t.a * x + t.b * y + t.c, t.d * x + t.e * y + t.f
-    transformer = Transformer.from_crs(_horizontal(source), frame.crs, always_xy=True)
+    transformer = Transformer.from_crs(horizontal(source), frame.crs, always_xy=True)
     return transformer.transform(east, north)
 
 
@@ -305,7 +231,7 @@ def _window(
     """The part of a raster that covers a part of the map frame, with a margin; None if none of it does."""
     edge = np.linspace(0.0, 1.0, 12)
     x, y = (v.ravel() for v in np.meshgrid(edge * shape[1] * cell_m, edge * shape[0] * cell_m))
-    transformer = Transformer.from_crs(frame.crs, _horizontal(source), always_xy=True)
+    transformer = Transformer.from_crs(frame.crs, horizontal(source), always_xy=True)
     east, north = transformer.transform(corner_m[0] + x, corner_m[1] - y)
     if source.crs.is_geographic:
         # a raster may count its longitudes on from 180, or up to 360

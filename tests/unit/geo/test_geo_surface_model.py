@@ -90,6 +90,10 @@ ENCODINGS: dict[str, tuple[Callable[[NDArray[np.float64]], NDArray[Any]], dict[s
     "feet of distance": (f32, {"crs": "EPSG:2263", "transform": from_origin(985_000.0, 200_000.0, 3.0, 3.0)}),
     "the southern hemisphere": (f32, {"crs": "EPSG:32756", "transform": from_origin(334_000.0, 6_250_000.0, 1.0, 1.0)}),
     "near the north pole": (f32, {"crs": "EPSG:32661", "transform": from_origin(2_000_300.0, 2_000_300.0, 1.0, 1.0)}),
+    "near the south pole": (f32, {"crs": "EPSG:3031", "transform": from_origin(-300.0, 200.0, 1.0, 1.0)}),
+    "degrees in Antarctica": (f32, {"crs": "EPSG:4326", "transform": from_origin(166.6, -77.8, 4e-5, 1e-5)}),
+    "degrees on Spitsbergen": (f32, {"crs": "EPSG:4326", "transform": from_origin(11.9, 78.9, 4e-5, 1e-5)}),
+    "degrees in the south-west": (f32, {"crs": "EPSG:4326", "transform": from_origin(-68.3, -54.8, 2e-5, 1e-5)}),
     "across the antimeridian": (f32, {"crs": "EPSG:4326", "transform": from_origin(179.9994, -17.0, 1e-5, 1e-5)}),
     "beyond 180 degrees": (f32, {"crs": "EPSG:4326", "transform": from_origin(190.0, 65.0, 2e-5, 1e-5)}),
 }  # fmt: skip
@@ -158,6 +162,17 @@ def test_a_sentinel_is_no_height_whatever_scale_or_unit_the_band_has(
     assert np.isnan(terrain.heights_m[tuple(terrain.cells(np.array([[-5.0, 5.0]]))[0])])
     assert np.nanmin(terrain.heights_m) > 80.0
     assert any("no heights" in note for note in model.notes)
+
+
+def test_one_cell_of_many_is_less_than_a_tenth_of_a_percent_and_not_none(tmp_path: Path) -> None:
+    def spoil(heights: NDArray[np.float64]) -> NDArray[Any]:
+        values = f32(heights)
+        values[60, 60] = -9999.0
+        return values
+
+    _, model = load(made(tmp_path / "dsm.tif", spoil))
+    (note,) = model.notes
+    assert note.startswith("less than 0.1% of the cells hold [-9999.0]")
 
 
 @pytest.mark.parametrize("nodata", [-9999.0, 0.0, 95.0])
@@ -247,6 +262,29 @@ def test_tiles_make_one_terrain_without_a_gap_and_the_first_that_knows_a_height_
     for east in np.arange(-50.0, 45.0, 3.3):
         assert terrain.height(east, 3.0) == pytest.approx(100.15 + 0.1 * east, abs=0.06)
     assert terrain.height(-68.0, 0.0) == pytest.approx(7.0, abs=0.1)
+
+
+@pytest.mark.parametrize("latitude", [-17.0, 65.0, -77.8])
+def test_tiles_on_both_sides_of_the_antimeridian_make_one_terrain(tmp_path: Path, latitude: float) -> None:
+    frame = LocalFrame(latitude, 180.0)
+    step = 1e-5 / np.cos(np.radians(latitude))
+
+    def tile(name: str, west: float) -> SurfaceModel:
+        transform = Affine(step, 0.0, west, 0.0, -1e-5, latitude + 60e-5)
+        return inspect(
+            write(
+                tmp_path / name,
+                f32(plane(transform, "EPSG:4326", (SIZE, SIZE), frame)),
+                "EPSG:4326",
+                transform,
+            )
+        )
+
+    models = [tile("east.tif", 180.0 - SIZE * step), tile("west.tif", -180.0)]
+    terrain = load_terrain(models, 1.0, frame, (-60.0, -50.0, 60.0, 50.0))
+    assert not np.isnan(terrain.heights_m).any()
+    for east in np.arange(-55.0, 56.0, 5.5):
+        assert terrain.height(east, 3.0) == pytest.approx(100.15 + 0.1 * east, abs=0.08)
 
 
 def test_only_the_window_is_loaded_and_its_cells_are_the_same(tmp_path: Path) -> None:
