@@ -13,6 +13,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
+import shapely
 
 from pipeline.errors import InputError
 from pipeline.geo.frame import LocalFrame
@@ -23,13 +24,19 @@ _MOST_BYTES = 64 * 1024 * 1024
 _WGS84 = ("CRS84", "EPSG::4326", "EPSG:4326", "EPSG::4979")
 #: a file nests geometries no deeper
 _DEEPEST = 20
+#: polygons that share a border overlap by rounding, and a line drawn to and fro encloses no more than this, m2
+_SAME_SHARE, _LEAST_M2 = 1e-6, 0.01
 
 
 @dataclass(frozen=True, eq=False)
 class SearchArea:
-    """Polygons of rings (N, 2), east and north, metres, not closed; the first ring is the outer one, then the holes."""
+    """Polygons of rings (N, 2), east and north, metres, not closed; the first ring is the outer one, then the holes.
+
+    They neither overlap nor cross themselves. notes: what was mended for that, a sentence each.
+    """
 
     polygons: tuple[tuple[FloatArray, ...], ...]
+    notes: tuple[str, ...] = ()
 
     @property
     def area_m2(self) -> float:
@@ -45,8 +52,14 @@ class SearchArea:
 
 
 def load_search_area(path: Path, frame: LocalFrame) -> SearchArea:
-    """The polygons of a file in the map frame; other geometries in it are left out. Raises InputError without one."""
+    """The polygons of a file in the map frame; other geometries in it are left out. Raises InputError without one.
+
+    What several polygons cover, or a ring that crosses itself encloses twice, is ground to search, and counts once.
+    """
     data = _bytes(path)
+    if path.suffix.lower() == ".gpx" or b"<gpx" in data[:4096]:
+        found = "a GPX file: it holds tracks, routes and way points, and no areas"
+        raise InputError(path, found, f"the area drawn as a polygon: {_EXPECTED}")
     polygons = list(
         _of_kml(path, data) if path.suffix.lower() in (".kml", ".kmz") else _of_geojson(path, data)
     )
@@ -54,7 +67,36 @@ def load_search_area(path: Path, frame: LocalFrame) -> SearchArea:
         raise InputError(path, "no polygon", _EXPECTED)
     if not all(polygons):
         raise InputError(path, "a polygon without a ring", _EXPECTED)
-    return SearchArea(tuple(tuple(_ring(path, ring, frame) for ring in rings) for rings in polygons))
+    return _united(path, [[_ring(path, ring, frame) for ring in rings] for rings in polygons])
+
+
+def _united(path: Path, polygons: list[list[FloatArray]]) -> SearchArea:
+    """The polygons made valid and one. Raises InputError if they enclose nothing."""
+    drawn = [shapely.Polygon(rings[0], rings[1:]) for rings in polygons]
+    valid = [
+        p if p.is_valid else shapely.make_valid(p, method="structure", keep_collapsed=False) for p in drawn
+    ]
+    united = shapely.union_all(valid) if len(valid) > 1 else valid[0]
+    parts = [
+        part for part in shapely.get_parts(united) if isinstance(part, shapely.Polygon) and part.area > _LEAST_M2
+    ]
+    if not parts:
+        raise InputError(path, "polygons that enclose no area", _EXPECTED)
+    notes = []
+    crossed = sum(not p.is_valid for p in drawn)
+    if crossed:
+        notes.append(
+            f"{crossed} of {len(drawn)} polygons cross or touch themselves: all that their rings enclose is searched"
+        )
+    twice_m2 = sum(p.area for p in valid) - united.area
+    if twice_m2 > _SAME_SHARE * united.area:
+        notes.append(f"polygons overlap by {twice_m2:,.0f} m2, which counts once")
+    rings = (tuple(_open(ring) for ring in (part.exterior, *part.interiors)) for part in parts)
+    return SearchArea(tuple(rings), tuple(notes))
+
+
+def _open(ring: shapely.LinearRing) -> FloatArray:
+    return np.asarray(ring.coords, dtype=np.float64)[:-1, :2]
 
 
 def _bytes(path: Path) -> bytes:

@@ -87,11 +87,13 @@ def area_is_on_terrain(path: Path, terrain: Terrain) -> list[Finding]:
     beyond_m2 = area.area_m2 - float(known.sum()) * terrain.cell_m**2
     if not known.any():
         raise InputError(path, "a search area that does not meet the terrain", "one on it")
+    findings = [Finding("assumed", "search_area", str(path), note) for note in area.notes]
     if beyond_m2 <= EDGE_SHARE * area.area_m2:
-        return []
+        return findings
     area_m2 = area.area_m2
     text = f"{beyond_m2:,.0f} of {area_m2:,.0f} m2 of the search area lie off the known terrain: nobody looks there"
     return [
+        *findings,
         Finding(
             "warning",
             "area_beyond_terrain",
@@ -99,7 +101,7 @@ def area_is_on_terrain(path: Path, terrain: Terrain) -> list[Finding]:
             text,
             "",
             "terrain.file: a surface model of all of it",
-        )
+        ),
     ]
 
 
