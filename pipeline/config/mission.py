@@ -123,6 +123,14 @@ def _files(base: Path, files: tuple[Path, ...]) -> Path | tuple[Path, ...]:
     return paths if len(paths) > 1 else paths[0]
 
 
+def _terrain(terrain: Terrain, base: Path) -> Terrain:
+    fallback = terrain.fallback
+    if fallback is not None:
+        fallback = fallback.model_copy(update={"file": tuple(base / f for f in fallback.files) or None})
+    files = tuple(base / f for f in terrain.files) or None
+    return terrain.model_copy(update={"file": files, "fallback": fallback})
+
+
 def load_mission(path: Path) -> Mission:
     """Read and validate a mission file; all paths come back resolved against it."""
     mission = load(path, Mission)
@@ -141,9 +149,7 @@ def load_mission(path: Path) -> Mission:
     return mission.model_copy(
         update={
             "streams": streams,
-            "terrain": mission.terrain.model_copy(
-                update={"file": tuple(base / f for f in mission.terrain.files) or None}
-            ),
+            "terrain": _terrain(mission.terrain, base),
             "inventory": base / mission.inventory,
             "pool": base / mission.pool,
             "truth": None if mission.truth is None else base / mission.truth,

@@ -43,6 +43,32 @@ class FlatGround(Strict):
     """How far the ground may be from the plane, one standard deviation; places are less sure by that."""
 
 
+class FallbackGround(Strict):
+    """What stands for the ground where the surface models know no height: a coarser model, or a plane."""
+
+    file: Path | tuple[Path, ...] | None = None
+    """A coarser surface model, or several. Absent: a plane. Example: `glo30.tif`."""
+    height: Meters | None = None
+    """Of the plane, above the terrain's datum. Absent: that of the first flight's take-off. Example: `{meters:
+    93}`.
+    """
+    height_datum: Datum | None = None
+    """What the coarser model's heights are above. Absent: as its file says, else as the terrain's."""
+    sd: PositiveMeters = 5.0
+    """How far the ground may be from it, one standard deviation; places there are less sure by that."""
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The files and folders named, in their order."""
+        return _as_tuple(self.file)
+
+    @model_validator(mode="after")
+    def _one_of_them(self) -> FallbackGround:
+        if self.file is not None and self.height is not None:
+            raise mismatch("a file and a height", "file, or the height of a plane", ("height",))
+        return self
+
+
 class Terrain(Strict):
     """The ground: surface models (GeoTIFFs with a CRS), a mesh, or a plane."""
 
@@ -60,13 +86,15 @@ class Terrain(Strict):
     """Where point (0, 0) of a mesh lies: x east, y north, z up, metres; PLY, OBJ, STL, OFF or GLB."""
     flat: FlatGround | None = None
     """A plane, instead of a file."""
+    fallback: FallbackGround | None = None
+    """What stands in where the files know no height. Absent: nothing is looked for there. Example: `{file: glo30.tif,
+    sd: {meters: 4}}`.
+    """
 
     @property
     def files(self) -> tuple[Path, ...]:
         """The files and folders named, in their order."""
-        if self.file is None:
-            return ()
-        return self.file if isinstance(self.file, tuple) else (self.file,)
+        return _as_tuple(self.file)
 
     @model_validator(mode="after")
     def _one_ground(self) -> Terrain:
@@ -74,4 +102,15 @@ class Terrain(Strict):
             raise mismatch("a file and a plane" if self.files else "nothing", "file, or flat", ("file",))
         if self.origin is not None and len(self.files) != 1:
             raise mismatch(f"{len(self.files)} files", "one mesh, since there is an origin", ("file",))
+        if self.fallback is not None and (self.flat is not None or self.origin is not None):
+            found = "a plane" if self.flat is not None else "a mesh"
+            raise mismatch(
+                f"{found} with a fallback", "surface models (terrain.file) that it completes", ("fallback",)
+            )
         return self
+
+
+def _as_tuple(file: Path | tuple[Path, ...] | None) -> tuple[Path, ...]:
+    if file is None:
+        return ()
+    return file if isinstance(file, tuple) else (file,)

@@ -163,10 +163,14 @@ def _bias_variances(uncertainty: Uncertainty) -> tuple[FloatArray, FloatArray]:
 def _of_place(looks: Sequence[Look], fix: Fix, uncertainty: Uncertainty) -> FloatArray:
     """The terrain's height, the bias of the ground point, and the body, the same for all looks at a place."""
     sight = np.array([look.intersection_enu - look.camera_enu for look in looks])
-    raised = np.einsum("nij,nj->i", fix.from_ground, sight / sight[:, 2:])
+    by_look = np.einsum("nij,nj->ni", fix.from_ground, sight / sight[:, 2:])
+    raised = by_look.sum(axis=0)
+    # what stands in for the surface model is off by the same for all looks that meet it
+    stood_in = np.array([look.terrain_sd_m for look in looks]) @ by_look
     ground = fix.from_ground.sum(axis=0)
     return np.asarray(
         uncertainty.terrain**2 * np.outer(raised, raised)
+        + np.outer(stood_in, stood_in)
         + GROUND_STD_M**2 * ground @ ground.T
         + uncertainty.body**2 * np.eye(2)
     )

@@ -248,6 +248,7 @@ class Fuser:
             detections.pose.height_sd_m,
             detections.pose.attitude_sd_rad,
             optics.camera.focal_sd,
+            self._terrain.extra_sd_m(row, column),
         )
 
     def _measure(self, detections: Detections, box: list[float], hit: FloatArray, ray: FloatArray) -> None:

@@ -17,7 +17,8 @@ class Look:
     enu_from_camera: float64 (3, 3), the camera's attitude. pixel_rad: the angle that a pixel covers.
     class_name: what was detected, the map's layer. box: its number in the detector's result. horizontal_sd_m,
     height_sd_m, attitude_sd_rad: of the camera's pose, as in ``CameraPose``. focal_sd: of the camera's focal length,
-    as a share of it.
+    as a share of it. terrain_sd_m: of the ground's height beside the mission's, where something stands in for the
+    surface model.
     """
 
     time_ns: int
@@ -38,6 +39,7 @@ class Look:
     height_sd_m: float = math.nan
     attitude_sd_rad: float = math.nan
     focal_sd: float = 0.0
+    terrain_sd_m: float = 0.0
 
     @property
     def order(self) -> tuple[int, str, str, int]:

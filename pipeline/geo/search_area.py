@@ -78,7 +78,9 @@ def _united(path: Path, polygons: list[list[FloatArray]]) -> SearchArea:
     ]
     united = shapely.union_all(valid) if len(valid) > 1 else valid[0]
     parts = [
-        part for part in shapely.get_parts(united) if isinstance(part, shapely.Polygon) and part.area > _LEAST_M2
+        part
+        for part in shapely.get_parts(united)
+        if isinstance(part, shapely.Polygon) and part.area > _LEAST_M2
     ]
     if not parts:
         raise InputError(path, "polygons that enclose no area", _EXPECTED)

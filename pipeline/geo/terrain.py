@@ -28,7 +28,8 @@ class Terrain:
     Cell (r, c) covers east_m + c * cell_m .. + cell_m, north_m + r * cell_m .. + cell_m; its height is that
     of its centre. The array may be a file on disk, of which only what is looked at comes into memory.
     block_range_m: float32 (2, rows, columns of blocks of BLOCK cells), least and greatest height of each
-    block; worked out when first needed if absent.
+    block; worked out when first needed if absent. stood_in: bool (rows, columns), where something else stands for a
+    surface model that knows no height, and stood_in_sd_m, how far the ground may be from it; none if absent.
     """
 
     frame: LocalFrame
@@ -37,6 +38,8 @@ class Terrain:
     cell_m: float
     heights_m: NDArray[np.float32]
     block_range_m: NDArray[np.float32] | None = None
+    stood_in: NDArray[np.bool_] | None = None
+    stood_in_sd_m: float = 0.0
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -56,6 +59,12 @@ class Terrain:
         if not (0.0 <= row < self.shape[0] and 0.0 <= column < self.shape[1]):
             return -1, -1
         return int(row), int(column)
+
+    def extra_sd_m(self, row: int, column: int) -> float:
+        """Standard deviation of a cell's height beside that of the surface model, metres: of what stands in for it."""
+        if self.stood_in is None or row < 0 or not self.stood_in[row, column]:
+            return 0.0
+        return self.stood_in_sd_m
 
     def centers(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> FloatArray:
         """Centres (N, 3) of cells on the surface."""
@@ -123,14 +132,18 @@ def load_terrain(
     frame: LocalFrame,
     window_m: tuple[float, float, float, float] | None = None,
     folder: Path | None = None,
+    *,
+    beyond: bool = False,
 ) -> Terrain:
     """Surface models in the cells of the map frame. Raises InputError if they know no height there.
 
     models: where they overlap, the first that knows a height counts. window_m: west, south, east and north of
-    the part that is wanted; all of the models if absent. folder: where the heights of a terrain larger than
+    the part that is wanted; all of the models if absent. beyond: the terrain is as large as the window, NaN outside of
+    the models. folder: where the heights of a terrain larger than
     memory are put, in a file without a name that is gone with the process; in memory if absent.
     """
-    west_m, south_m, shape = _grid([bounds_m(m.path, frame) for m in models], cell_m, window_m)
+    bounds = [window_m] if beyond and window_m is not None else [bounds_m(m.path, frame) for m in models]
+    west_m, south_m, shape = _grid(bounds, cell_m, window_m)
     where = ", ".join(str(m.path) for m in models)
     if min(shape) <= 0:
         raise InputError(where, "a surface model far from the flights", "one under them")

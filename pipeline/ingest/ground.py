@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.config.terrain import Datum
+from pipeline.config.terrain import Datum, FallbackGround
 from pipeline.config.terrain import Terrain as TerrainSection
 from pipeline.errors import InputError
 from pipeline.geo.frame import LocalFrame
@@ -18,13 +18,14 @@ from pipeline.geo.heights import Heights
 from pipeline.geo.surface_model import SurfaceModel, bounds_m, center_wgs84, inspect
 from pipeline.geo.surfaces import load_mesh, plane
 from pipeline.geo.terrain import Terrain, load_terrain
+from pipeline.ingest.fallback_ground import takeoff_m, with_fallback
 from pipeline.ingest.finding import Finding
 from pipeline.ingest.track import Track
 from pipeline.ingest.trajectory_of import Ground
 
 #: farther than this from its origin the map frame's scale is off by more than a millimetre in a kilometre, metres
 _NEAR_ORIGIN_M = 5000.0
-_RASTERS = (".tif", ".tiff", ".vrt")
+_RASTERS = (".tif", ".tiff", ".vrt", ".hgt", ".dt0", ".dt1", ".dt2", ".img")
 #: west, south, east, north, metres
 Window = tuple[float, float, float, float]
 
@@ -49,7 +50,13 @@ class GroundModel:
     @property
     def ground(self) -> Ground:
         """What heights are told by."""
-        return Ground(self.datum, self.terrain.height, undulation_m)
+        terrain = self.terrain
+        return Ground(
+            self.datum,
+            terrain.height,
+            undulation_m,
+            lambda east, north: terrain.extra_sd_m(*terrain.cell(east, north)),
+        )
 
 
 def frame_over(section: TerrainSection, tracks: Sequence[Track]) -> LocalFrame:
@@ -117,12 +124,18 @@ def load_ground(
     used = [m for m in models if window is None or _meets(bounds_m(m.path, frame), window)]
     if not used:
         raise InputError(", ".join(map(str, files)), "a surface model far from the flights", "one under them")
-    terrain = load_terrain(used, cell_m, frame, window)
+    terrain = load_terrain(used, cell_m, frame, window, beyond=section.fallback is not None)
+    if section.fallback is not None:
+        models_of_it = [inspect(file) for file in files_of(section.fallback)]
+        terrain, stood_in = with_fallback(
+            terrain, section.fallback, models_of_it, datum, lambda: takeoff_m(tracks)
+        )
+        findings += stood_in
     stated = section.height_datum is not None or any(m.datum is not None for m in models)
     return GroundModel(terrain, datum, 0.0, tuple(findings), stated)
 
 
-def files_of(section: TerrainSection) -> list[Path]:
+def files_of(section: TerrainSection | FallbackGround) -> list[Path]:
     """The surface models in their order: the files named, and the rasters of the folders named."""
     files: list[Path] = []
     for path in section.files:
@@ -149,6 +162,11 @@ def _datum(section: TerrainSection, models: Sequence[SurfaceModel], findings: li
             findings.append(
                 Finding("assumed", "datum", where, text, "neither the file nor the mission says it")
             )
+        silent = [str(m.path) for m in models if m.datum is None]
+        if of_files is not None and silent:
+            text = f"its heights count from the {of_files}, as those of its neighbours (terrain.height_datum)"
+            evidence = "it does not say its datum; the others do"
+            findings.append(Finding("assumed", "datum", ", ".join(silent), text, evidence))
         return of_files or "ellipsoid"
     if of_files is not None and of_files != section.height_datum:
         findings.append(
@@ -176,7 +194,7 @@ def _plane(
         raise InputError("terrain.flat", "a plane without a flight over it", "telemetry with positions")
     height_m = section.flat.height
     if height_m is None:
-        height_m = _takeoff_m(tracks)
+        height_m = takeoff_m(tracks)
     text = (
         f"the ground is a plane at {height_m:.1f} m, right to {section.flat.sd:g} m (one standard deviation): "
         "places on slopes and roofs are off by that over the tangent of the view"
@@ -186,16 +204,3 @@ def _plane(
     finding = Finding("warning", "flat_terrain", "terrain.flat", text, "", "terrain.file: a surface model")
     stated = section.height_datum is not None
     return GroundModel(terrain, section.height_datum or "ellipsoid", section.flat.sd, (finding,), stated)
-
-
-def _takeoff_m(tracks: Sequence[Track]) -> float:
-    """Where the absolute and the relative heights of the first flight that has both differ: its take-off."""
-    for track in tracks:
-        differences = track.absolute_height_m - track.relative_height_m
-        if np.isfinite(differences).any():
-            return float(np.nanmedian(differences))
-    if any(np.isfinite(t.relative_height_m).any() for t in tracks):
-        return 0.0
-    raise InputError(
-        "terrain.flat.height", "nothing, and telemetry with one height only", "the height of the ground"
-    )

@@ -33,11 +33,15 @@ Undulation = Callable[[float, float], tuple[float, float]]
 
 @dataclass(frozen=True)
 class Ground:
-    """What of the ground heights are told by. height_m(east, north): above the datum, NaN where unknown."""
+    """What of the ground heights are told by. height_m(east, north): above the datum, NaN where unknown.
+
+    extra_sd_m(east, north): how far the ground may be from it where something stands in for the surface model.
+    """
 
     datum: Datum
     height_m: Callable[[float, float], float]
     undulation: Undulation | None = None
+    extra_sd_m: Callable[[float, float], float] = lambda east, north: 0.0
 
 
 def trajectory_of(
@@ -138,7 +142,7 @@ def _heights(
             raise InputError(
                 telemetry.file, found, "telemetry.takeoff_height, or a terrain that reaches there"
             )
-        relief_m = _relief_m(ground, first_en)
+        relief_m = math.hypot(_relief_m(ground, first_en), ground.extra_sd_m(*first_en))
         assumed.append(
             f"take-off at the ground under the first sample, {ground_m:.1f} m above the {ground.datum}, to "
             f"{relief_m:.1f} m, as it rises and falls within {_TAKEOFF_WITHIN_M:.0f} m (telemetry.takeoff_height)"

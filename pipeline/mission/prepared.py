@@ -218,7 +218,8 @@ def terrain_at(prepared: PreparedMission, cell_m: float) -> Terrain:
     old = prepared.terrain
     rows, columns = old.shape
     window = (old.east_m, old.north_m, old.east_m + columns * old.cell_m, old.north_m + rows * old.cell_m)
-    return load_ground(prepared.mission.terrain, cell_m, prepared.frame, window).terrain
+    tracks = list(prepared.tracks.values())
+    return load_ground(prepared.mission.terrain, cell_m, prepared.frame, window, tracks).terrain
 
 
 def _seen(mission: Mission, frame: LocalFrame, recordings: list[Recording]) -> Window | None:

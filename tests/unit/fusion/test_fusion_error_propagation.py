@@ -144,3 +144,14 @@ def test_the_true_place_lies_in_the_95_percent_ellipse_in_90_to_99_of_100_cases(
     measured = coverage(with_budget(BUDGETS[name]), missions=28, seed=1)
     assert measured.places >= 30
     assert 0.90 <= measured.share <= 0.99
+
+
+def test_a_stand_in_for_the_terrain_is_as_unsure_as_a_terrain_of_that_deviation():
+    sure, looks = passing(), [replace(k, terrain_sd_m=3.0) for k in passing()]
+    nothing = place_covariance(sure, NOTHING)
+    whole = place_covariance(sure, only(terrain=3.0)) - nothing
+    np.testing.assert_allclose(place_covariance(looks, NOTHING) - nothing, whole, rtol=1e-9)
+    half = place_covariance([*sure[:15], *looks[15:]], NOTHING) - nothing
+    assert 0.0 < half[1, 1] < whole[1, 1]
+    both = place_covariance(looks, only(terrain=4.0)) - nothing
+    np.testing.assert_allclose(both, whole * 25.0 / 9.0, rtol=1e-9)
