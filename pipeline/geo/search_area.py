@@ -24,8 +24,10 @@ _MOST_BYTES = 64 * 1024 * 1024
 _WGS84 = ("CRS84", "EPSG::4326", "EPSG:4326", "EPSG::4979")
 #: a file nests geometries no deeper
 _DEEPEST = 20
-#: polygons that share a border overlap by rounding, and a line drawn to and fro encloses no more than this, m2
-_SAME_SHARE, _LEAST_M2 = 1e-6, 0.01
+#: polygons that share a border overlap by rounding
+_SAME_SHARE = 1e-6
+#: a line drawn to and fro encloses no more than this share of its length squared, by rounding
+_LEAST_SHARE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +82,7 @@ def _united(path: Path, polygons: list[list[FloatArray]]) -> SearchArea:
     parts = [
         part
         for part in shapely.get_parts(united)
-        if isinstance(part, shapely.Polygon) and part.area > _LEAST_M2
+        if isinstance(part, shapely.Polygon) and part.area > _LEAST_SHARE * part.length**2
     ]
     if not parts:
         raise InputError(path, "polygons that enclose no area", _EXPECTED)

@@ -13,7 +13,7 @@ from pipeline.errors import InputError
 from pipeline.geo.frame import LocalFrame
 from pipeline.geo.search_area import load_search_area
 from pipeline.geo.terrain import Terrain
-from pipeline.second_look.plan import searched_cells
+from pipeline.second_look.plan import cells_inside
 
 FRAME = LocalFrame(47.0, 8.0)
 SHARED = Path(__file__).parents[4] / "shared/data/cases/area"
@@ -103,7 +103,7 @@ def test_what_is_drawn_twice_counts_once_and_what_a_crossing_ring_encloses_is_se
     assert len(area.notes) == (1 if note else 0)
     assert note in " ".join(area.notes)
     terrain = Terrain(FRAME, -60.0, -60.0, 0.5, np.zeros((240, 240), np.float32))
-    assert searched_cells(path, terrain, {}).sum() * 0.25 == pytest.approx(area_m2, rel=0.04)
+    assert cells_inside(area, terrain).sum() * 0.25 == pytest.approx(area_m2, rel=0.04)
 
 
 @pytest.mark.parametrize(
