@@ -75,12 +75,14 @@ def check(
     """Find everything that would keep a mission from running, without running it."""
     from pipeline.mission.find_mission import find_mission
     from pipeline.mission.noticed import noticed
-    from pipeline.mission.one_picture import push_one_picture
-    from pipeline.mission.planning import plan
     from pipeline.mission.prepared import prepare
 
     mission = find_mission(mission)
     prepared = noticed(prepare(mission))
+    # only now: the solver takes 50 MB, which the decoders of large videos have given back by then
+    from pipeline.mission.one_picture import push_one_picture
+    from pipeline.mission.planning import plan
+
     result = plan(prepared)
     for finding in (*prepared.findings, *push_one_picture(prepared, result)):
         _say(str(finding))

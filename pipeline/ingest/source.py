@@ -92,6 +92,9 @@ class Source(Protocol):
     def images_at(self, times_s: Iterable[float]) -> Iterator[tuple[float, NDArray[np.uint8]]]:
         """For times of pictures: the time and the picture, uint8 (H, W, 3) RGB in full size; lost ones are left out."""
 
+    def planes_at(self, times_s: Iterable[float]) -> Iterator[tuple[float, VideoFrame]]:
+        """For times of pictures: the time and the planes, as ``pictures`` gives them; lost ones are left out."""
+
     def resized(self, width: int, height: int) -> Source:
         """The same pictures, their planes at another size: even, at most the picture's."""
 

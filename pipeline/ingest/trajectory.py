@@ -16,6 +16,8 @@ from pipeline.messages import CameraPose, FloatArray
 
 #: from here on yaw and roll are nearly one turn
 _STEEP_RAD = math.radians(80.0)
+#: a time written in milliseconds must not fail by its rounding in binary, seconds
+_ROUNDING_S = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +96,13 @@ class Trajectory:
 
     def covers(self, times_s: FloatArray) -> NDArray[np.bool_]:
         """Whether there is a pose at each time (N,) of the video."""
-        return np.array([self._between(time_s) is not None for time_s in times_s.tolist()], dtype=np.bool_)
+        own, half_s = self.times_s, self._half_s
+        inside = (times_s >= own[0] - half_s - _ROUNDING_S) & (times_s <= self.end_s + _ROUNDING_S)
+        if len(own) == 1:
+            return inside
+        before = np.clip(np.searchsorted(own, times_s, side="right") - 1, 0, len(own) - 2)
+        wide = own[before + 1] - own[before] > self.longest_gap_s
+        return inside & ~(wide & (times_s > own[before] + half_s) & (times_s < own[before + 1] - half_s))
 
     @cached_property
     def _half_s(self) -> float:
@@ -104,8 +112,7 @@ class Trajectory:
     def _between(self, time_s: float) -> tuple[int, float] | None:
         """The sample before a time, and how far it is to the next one: 0..1, outside of that beyond the ends."""
         times, half_s = self.times_s, self._half_s
-        # a microsecond more: a time written in milliseconds must not fail by its rounding in binary
-        if not times[0] - half_s - 1e-6 <= time_s <= self.end_s + 1e-6:
+        if not times[0] - half_s - _ROUNDING_S <= time_s <= self.end_s + _ROUNDING_S:
             return None
         if len(times) == 1:
             return 0, 0.0

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
-from pipeline.allocation.plan import Plan
+from pipeline.allocation.plan import Assignment, Plan
 from pipeline.detection import open_pool_detector
 from pipeline.fusion.fuser import Fuser
 from pipeline.fusion.sequencer import Sequencer
@@ -95,11 +95,14 @@ def make_reducer(
 
 def make_detectors(prepared: PreparedMission, plan: Plan) -> dict[tuple[str, str], DetectorStage]:
     """One stage, with a decoder of its own, per substream."""
-    stages = {}
-    for a in plan.assignments:
-        detector = open_pool_detector(prepared.runnable(a.pool_detector), prepared.layers, a.setup)
-        stages[a.stream, a.detector] = DetectorStage(detector, a.codec or prepared.mission.processing.codec)
-    return stages
+    return {(a.stream, a.detector): make_detector(prepared, a) for a in plan.assignments}
+
+
+def make_detector(prepared: PreparedMission, assignment: Assignment) -> DetectorStage:
+    """The stage of one substream."""
+    runnable = prepared.runnable(assignment.pool_detector)
+    detector = open_pool_detector(runnable, prepared.layers, assignment.setup)
+    return DetectorStage(detector, assignment.codec or prepared.mission.processing.codec)
 
 
 def bandwidth(prepared: PreparedMission, plan: Plan, stream: str) -> dict[str, float]:

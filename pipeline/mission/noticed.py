@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import os
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
 
 from pipeline.geo.geoid import undulation_m
+from pipeline.ingest.checks.bursts import BurstParams
 from pipeline.ingest.checks.motion_check import MotionCheckParams, check_motion
-from pipeline.ingest.checks.picture_motion import picture_motion
+from pipeline.ingest.checks.picture_motion import Motion, MotionParams, picture_motion
 from pipeline.ingest.checks.predicted_motion import Predictor
 from pipeline.ingest.checks.track_checks import (
     check_duration,
@@ -20,7 +23,9 @@ from pipeline.ingest.checks.track_checks import (
 from pipeline.ingest.finding import Finding
 from pipeline.ingest.track import Track
 from pipeline.ingest.trajectory import Trajectory
+from pipeline.mission.memory import give_back
 from pipeline.mission.prepared import PreparedMission
+from pipeline.mission.stages.source import StreamInput
 
 #: positions in coarser steps than this do not tell how a drone moved within a burst, metres
 _COARSEST_M = 0.3
@@ -53,16 +58,16 @@ def _of_samples(prepared: PreparedMission) -> list[Finding]:
 def _of_motion(prepared: PreparedMission) -> list[Finding]:
     findings = []
     params = MotionCheckParams()
+    motions = _motions(prepared)
     for stream, config in zip(prepared.streams, prepared.mission.streams, strict=True):
         where = str(config.telemetry.file)
-        coarse = too_coarse(prepared.tracks[stream.stream])
-        if coarse:
+        if stream.stream not in motions:
+            coarse = too_coarse(prepared.tracks[stream.stream])
             findings.append(
                 Finding("assumed", "motion_unseen", where, f"its motion was not compared: {coarse}")
             )
             continue
-        camera = prepared.cameras[stream.stream]
-        motion = picture_motion(stream.path, stream.end_s, (camera.width, camera.height))
+        camera, motion = prepared.cameras[stream.stream], motions[stream.stream]
 
         def predictor(trajectory: Trajectory) -> Predictor:
             return Predictor(motion, trajectory, camera, prepared.terrain)  # noqa: B023 - called in this turn only
@@ -70,6 +75,26 @@ def _of_motion(prepared: PreparedMission) -> list[Finding]:
         others = {s.stream: predictor(s.trajectory) for s in prepared.streams if s.stream != stream.stream}
         findings += check_motion(where, motion, predictor(stream.trajectory), others, params)
     return findings
+
+
+def _motions(prepared: PreparedMission) -> dict[str, Motion]:
+    """The motion in the pictures of each stream whose telemetry it can be compared with; decoded beside each other."""
+    streams = [s for s in prepared.streams if not too_coarse(prepared.tracks[s.stream])]
+    cores = prepared.mission.processing.decoding_threads or os.cpu_count() or 1
+    together = max(1, min(cores, len(streams)))
+    bursts = BurstParams()
+    params = MotionParams(bursts=replace(bursts, most_pixels=bursts.most_pixels / max(1, len(streams))))
+
+    def motion(stream: StreamInput) -> Motion:
+        camera = prepared.cameras[stream.stream]
+        size = (camera.width, camera.height)
+        return picture_motion(stream.path, stream.end_s, size, params, max(1, cores // together))
+
+    give_back()  # of the telemetry's texts
+    with ThreadPoolExecutor(together) as pool:
+        motions = dict(zip([s.stream for s in streams], pool.map(motion, streams), strict=True))
+    give_back()
+    return motions
 
 
 def too_coarse(track: Track) -> str:

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
-from av.video.frame import VideoFrame
-
-from pipeline.allocation.plan import Plan
+from pipeline.allocation.plan import Assignment, Plan
 from pipeline.ingest.finding import Finding
 from pipeline.messages import Frame, Message
-from pipeline.mission.local import MAX_BACKLOG_S, bandwidth, make_detectors, make_reducer
+from pipeline.mission.local import MAX_BACKLOG_S, bandwidth, make_detector, make_reducer
 from pipeline.mission.prepared import PreparedMission
+from pipeline.mission.stages.reducer import ReducerStage
 from pipeline.mission.stages.source import SourceStage, StreamInput
 from pipeline.mission.stages.virtual_link import VirtualLink
 
@@ -25,26 +23,15 @@ def push_one_picture(prepared: PreparedMission, plan: Plan) -> list[Finding]:
     Raises what a run would raise at its start, such as InputError for a model that cannot be opened.
     """
     reducer = make_reducer(prepared, plan, lateness=False)
-    stages = make_detectors(prepared, plan)
-    # every detector is due at once
-    at_once = tuple(
-        replace(a, period=1, phase=0, bitrate_bps=a.bitrate_bps / a.period) for a in plan.assignments
-    )
-
-    def deliver_from(stream: str) -> Callable[[str, Message], None]:
-        return lambda detector, message: reducer.push(stages[stream, detector].process(message, 0))
-
     findings = []
     for stream in prepared.streams:
-        link = VirtualLink(bandwidth(prepared, plan, stream.stream), deliver_from(stream.stream))
-        source = SourceStage(stream, at_once, link, MAX_BACKLOG_S)
         frame = _first_frame(stream)
         if frame is None:
             text = f"none of the first {_TRIED} pictures with a pose can be decoded"
             findings.append(Finding("warning", "no_picture", str(stream.path), text))
-        else:
-            source.offer(frame, 0.0)
-        source.end()
+        # one after the other: all detectors of a plan together need a drone's memory each
+        for assignment in (a for a in plan.assignments if a.stream == stream.stream):
+            _push(prepared, plan, stream, assignment, frame, reducer)
     reducer.finish()
     for (name, detector), seen in sorted(reducer.processed.items()):
         reasons = set(reducer.dropped[name, detector].values())
@@ -54,18 +41,34 @@ def push_one_picture(prepared: PreparedMission, plan: Plan) -> list[Finding]:
     return findings
 
 
+def _push(
+    prepared: PreparedMission,
+    plan: Plan,
+    stream: StreamInput,
+    assignment: Assignment,
+    frame: Frame | None,
+    reducer: ReducerStage,
+) -> None:
+    """A frame, if there is one, through the substream of an assignment, which is due at once, to its end."""
+    stage = make_detector(prepared, assignment)
+
+    def deliver(_: str, message: Message) -> None:
+        reducer.push(stage.process(message, 0))
+
+    due = replace(assignment, period=1, phase=0, bitrate_bps=assignment.bitrate_bps / assignment.period)
+    link = VirtualLink(bandwidth(prepared, plan, stream.stream), deliver)
+    source = SourceStage(stream, (due,), link, MAX_BACKLOG_S)
+    if frame is not None:
+        source.offer(frame, 0.0)
+    source.end()
+
+
 def _first_frame(stream: StreamInput) -> Frame | None:
     """The first picture that has a pose and is not damaged, as it is sent."""
     times_s = stream.source.times_s
     covered = times_s[stream.trajectory.covers(times_s)][:_TRIED].tolist()
-    width, height = stream.source.sent_size
-    for time_s, image in stream.source.images_at(covered):
+    for time_s, planes in stream.source.planes_at(covered):
         pose = stream.trajectory.pose(time_s)
-        if pose is None:
-            continue
-        planes = VideoFrame.from_ndarray(image, format="rgb24").reformat(
-            width=width, height=height, format="yuv420p"
-        )
-        time_ns = stream.trajectory.utc_ns(time_s)
-        return Frame(stream.stream, 0, 0, time_s, time_ns, pose, planes)
+        if pose is not None:
+            return Frame(stream.stream, 0, 0, time_s, stream.trajectory.utc_ns(time_s), pose, planes)
     return None

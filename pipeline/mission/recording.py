@@ -24,7 +24,6 @@ from pipeline.ingest.telemetry.stills_metadata import dated_stills
 from pipeline.ingest.track import Track
 from pipeline.ingest.trajectory import Trajectory
 from pipeline.ingest.trajectory_of import Ground, trajectory_of
-from pipeline.ingest.video.metadata import created_ns
 from pipeline.ingest.video.recordings import Recordings, open_recordings
 from pipeline.ingest.video.stills import StillsSource, open_stills
 from pipeline.mission.faults import Faults
@@ -104,7 +103,7 @@ def read_recording(path: Path, mission: Mission, stream: Stream) -> Recording:
         track,
         stream.telemetry,
         video.end_s,
-        created_ns(stream.videos[0]) if stream.videos else None,
+        video.created_ns if isinstance(video, Recordings) else None,
         stream.telemetry.file,
     )
     if angles is not None and stream.telemetry.angles is not None:

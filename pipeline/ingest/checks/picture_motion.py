@@ -7,37 +7,29 @@ Proc. IEEE Conf. Cybernetics and Society, 1975), first the whole picture, then e
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
-import av
 import numpy as np
-from av.video.stream import VideoStream
 from numpy.typing import NDArray
 
+from pipeline.ingest.checks.bursts import BurstParams, Gray, bursts_of
 from pipeline.messages import FloatArray
-
-Gray = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
 class MotionParams:
-    """width_px: of the pictures that are compared. patch_px: side of a patch. columns, rows: of patches.
+    """patch_px: side of a patch. columns, rows: of patches. bursts: of pictures.
 
-    burst_s: between the two pictures of a burst. least_bursts, most_bursts: over the video; as many as most_pixels
-    decoded pixels allow. least_peak: of a correlation, standard deviations above its mean, below which a patch has
-    not been found again (water, sky, a picture without texture).
+    least_peak: of a correlation, standard deviations above its mean, below which a patch has not been found again
+    (water, sky, a picture without texture).
     """
 
-    width_px: int = 480
     patch_px: int = 64
     columns: int = 5
     rows: int = 3
-    burst_s: float = 0.25
-    least_bursts: int = 8
-    most_bursts: int = 32
-    most_pixels: float = 1.2e9
     least_peak: float = 9.0
+    bursts: BurstParams = field(default_factory=BurstParams)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,43 +55,28 @@ class Motion:
 
 
 def picture_motion(
-    path: Path, duration_s: float, size: tuple[int, int] | None = None, params: MotionParams | None = None
+    path: Path,
+    duration_s: float,
+    size: tuple[int, int] | None = None,
+    params: MotionParams | None = None,
+    threads: int = 1,
 ) -> Motion:
-    """The motion in a video, at moments spread over it. Nothing (M = 0) for a video that cannot be decoded.
-
-    size: width and height of the upright picture; nothing either for a video that is filmed lying or with oblong
-    pixels, whose coded size is another one.
-    """
+    """The motion in a video, at moments spread over it; size, threads and what gives nothing: see ``bursts_of``."""
     params = params or MotionParams()
     rows: list[tuple[float, float, FloatArray, FloatArray, int]] = []
-    scale, bursts = 1.0, 0
-    try:
-        with av.open(str(path)) as container:
-            stream = container.streams.video[0]
-            stream.codec_context.thread_count = 2
-            width, height = stream.codec_context.width, stream.codec_context.height
-            scale = max(1.0, width / params.width_px)
-            compared = (round(width / scale), round(height / scale))
-            moments = _moments(stream, duration_s, params) if size in (None, (width, height)) else np.zeros(0)
-            for number, begin_s in enumerate(moments):
-                pair = _pair(container, stream, begin_s, params.burst_s, compared)
-                if pair is None:
-                    continue
-                bursts += 1
-                first_s, second_s, first, second = pair
-                for start, end in matched(first, second, params):
-                    rows.append((first_s, second_s, start * scale, end * scale, number))
-    except (av.FFmpegError, OSError, IndexError):
-        pass  # what a video cannot show, other checks say
-    firsts, seconds, start_px, end_px, burst = zip(*rows, strict=True) if rows else ((), (), (), (), ())
+    number, scale = -1, 1.0
+    for number, (burst, scale) in enumerate(bursts_of(path, duration_s, size, params.bursts, threads)):
+        for start, end in matched(burst.first, burst.second, params):
+            rows.append((burst.first_s, burst.second_s, start * scale, end * scale, number))
+    firsts, seconds, start_px, end_px, of_burst = zip(*rows, strict=True) if rows else ((), (), (), (), ())
     return Motion(
         np.array(firsts, np.float64),
         np.array(seconds, np.float64),
         np.array(start_px, np.float64).reshape(-1, 2),
         np.array(end_px, np.float64).reshape(-1, 2),
-        np.array(burst, np.int64),
+        np.array(of_burst, np.int64),
         scale,
-        bursts,
+        number + 1,
     )
 
 
@@ -142,42 +119,3 @@ def _refined(line: FloatArray, at: int) -> float:
     offset = 0.5 * (left - right) / bend if bend < 0.0 else 0.0
     place = at + float(np.clip(offset, -0.5, 0.5))
     return place - n if place > n / 2 else place
-
-
-def _moments(stream: VideoStream, duration_s: float, params: MotionParams) -> FloatArray:
-    pixels = stream.codec_context.width * stream.codec_context.height
-    rate = float(stream.average_rate or 30)
-    per_burst = pixels * (2.0 + rate * params.burst_s)
-    count = int(np.clip(params.most_pixels / max(per_burst, 1.0), params.least_bursts, params.most_bursts))
-    last_s = max(0.0, duration_s - params.burst_s - 2.0 / rate)
-    return np.linspace(0.0, last_s, count) if last_s > 0.0 else np.zeros(0)
-
-
-def _pair(
-    container: av.container.InputContainer,
-    stream: VideoStream,
-    begin_s: float,
-    apart_s: float,
-    size: tuple[int, int],
-) -> tuple[float, float, Gray, Gray] | None:
-    """Two pictures from the key picture before a moment on, gray, and their times; None where there are none."""
-    base = stream.time_base
-    if base is None:
-        return None
-    start = stream.start_time or 0
-    container.seek(start + int(begin_s / base), stream=stream, backward=True)
-    first: tuple[float, Gray] | None = None
-    for frame in container.decode(stream):
-        if frame.pts is None:
-            continue
-        time_s = float((frame.pts - start) * base)
-        if first is None:
-            first = time_s, _gray(frame, size)
-        elif time_s - first[0] >= apart_s - 1e-6:
-            return first[0], time_s, first[1], _gray(frame, size)
-    return None
-
-
-def _gray(frame: av.VideoFrame, size: tuple[int, int]) -> Gray:
-    picture = frame.reformat(width=size[0], height=size[1], format="gray")
-    return np.asarray(picture.to_ndarray(), dtype=np.float32)

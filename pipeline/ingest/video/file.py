@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,7 +17,8 @@ from pipeline.errors import InputError
 from pipeline.ingest.finding import Finding
 from pipeline.ingest.video.container import EXPECTED, NOT_SOUGHT, opened, video_tracks
 from pipeline.ingest.video.decode import shown_frames
-from pipeline.ingest.video.index import PictureIndex, read_index
+from pipeline.ingest.video.index import PictureIndex, has_own_index, read_index
+from pipeline.ingest.video.metadata import created_of
 from pipeline.ingest.video.upright import HLG, PQ, Upright, upright_of
 from pipeline.messages import FloatArray
 
@@ -46,13 +48,17 @@ class VideoInfo:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VideoFile:
-    """A probed file. constant: whether its pictures keep the rate. findings: what was noticed and assumed."""
+    """A probed file. constant: whether its pictures keep the rate. findings: what was noticed and assumed.
+
+    created_ns: when the recording began by its metadata, ns since 1970, UTC; None if they do not say.
+    """
 
     info: VideoInfo
     index: PictureIndex
     upright: Upright
     constant: bool
     findings: tuple[Finding, ...]
+    created_ns: int | None = None
 
     @property
     def slack_s(self) -> float:
@@ -75,13 +81,14 @@ def probe_video(path: Path) -> VideoFile:
         codec, aspect = stream.codec_context.name, stream.sample_aspect_ratio
         findings = _of_tracks(path, container, stream)
         sought = container.format.name not in NOT_SOUGHT
+        created = created_of(container)
         index = read_index(path, container, stream)
-    if not len(index.times_s):
-        raise InputError(path, "a video without a picture", EXPECTED)
-    first, lost = None, 0
-    for frame in _probed(path, index, sought):
-        first = frame if first is None else first
-        lost += frame is None
+        if not len(index.times_s):
+            raise InputError(path, "a video without a picture", EXPECTED)
+        first, lost = None, 0
+        for frame in _probed(path, container, stream, index, sought):
+            first = frame if first is None else first
+            lost += frame is None
     if first is None:
         raise InputError(path, "no picture that can be decoded", EXPECTED)
     upright = upright_of(first, aspect)
@@ -91,7 +98,7 @@ def probe_video(path: Path) -> VideoFile:
     info = VideoInfo(path, *upright.size, rate_hz, len(index.times_s), duration_s, codec)
     findings += _of_pictures(path, first, upright)
     findings += _of_times(path, index, rate_hz, lost)
-    return VideoFile(info, index, upright, constant, tuple(findings))
+    return VideoFile(info, index, upright, constant, tuple(findings), created)
 
 
 def decoded_frames(path: Path) -> Iterator[VideoFrame]:
@@ -124,10 +131,14 @@ def _rate(index: PictureIndex, average_hz: float) -> tuple[float, bool]:
     return (average_hz if abs(average_hz / mean_hz - 1.0) < 0.01 else mean_hz), True
 
 
-def _probed(path: Path, index: PictureIndex, sought: bool) -> Iterator[VideoFrame | None]:
+def _probed(
+    path: Path, container: InputContainer, stream: VideoStream, index: PictureIndex, sought: bool
+) -> Iterator[VideoFrame | None]:
     """A picture near each share of the file, the first only where a time leads nowhere; None if it cannot be had."""
     last_s = float(index.times_s[max(0, index.whole - 1)])
-    with opened(path) as (container, stream):
+    with ExitStack() as anew:
+        if not has_own_index(container, stream):  # its packets were read to their end
+            container, stream = anew.enter_context(opened(path))
         for share in _PROBED:
             if share > 0.0:
                 ticks = index.first_ticks + round(share * last_s / index.tick_s)

@@ -35,8 +35,7 @@ class PictureIndex:
 def read_index(path: Path, container: InputContainer, stream: VideoStream) -> PictureIndex:
     """From the container's own index if it is complete (MP4, MOV, AVI), else from the heads of the packets."""
     entries = stream.index_entries
-    own = container.format.name.startswith(("mov", "avi")) and len(entries) >= stream.frames > 0
-    if not own:
+    if not has_own_index(container, stream):
         return _from_packets(container, stream)
     size = path.stat().st_size
     shown = [(e.timestamp, e.pos + e.size <= size) for e in entries if not e.is_discard]
@@ -44,6 +43,11 @@ def read_index(path: Path, container: InputContainer, stream: VideoStream) -> Pi
     first = stream.start_time if stream.start_time is not None and not is_counted(container) else None
     whole = sum(1 for _, is_whole in shown if is_whole)
     return _index(ticks, int(first) if first is not None else None, stream, whole, "missing")
+
+
+def has_own_index(container: InputContainer, stream: VideoStream) -> bool:
+    """Whether the container says itself where its pictures are, so that reading them leaves it at its beginning."""
+    return container.format.name.startswith(("mov", "avi")) and len(stream.index_entries) >= stream.frames > 0
 
 
 def exact_times_s(path: Path) -> FloatArray:

@@ -6,6 +6,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import av
+from av.container import InputContainer
 
 #: a camera whose clock was never set writes 1904 or 1970
 _FIRST_YEAR = 1990
@@ -15,9 +16,16 @@ def created_ns(path: Path) -> int | None:
     """When the recording began by the container's own metadata, ns since 1970, UTC; None if it does not say."""
     try:
         with av.open(str(path)) as container:
-            text = container.metadata.get("creation_time", "")
-        moment = datetime.fromisoformat(text)
+            return created_of(container)
     except (av.FFmpegError, OSError, ValueError):
+        return None
+
+
+def created_of(container: InputContainer) -> int | None:
+    """As created_ns, of an open container."""
+    try:
+        moment = datetime.fromisoformat(container.metadata.get("creation_time", ""))
+    except ValueError:
         return None
     if moment.year < _FIRST_YEAR:
         return None

@@ -21,7 +21,6 @@ from pipeline.ingest.video.container import NOT_SOUGHT, opened
 from pipeline.ingest.video.decode import NotShown, shown_frames
 from pipeline.ingest.video.file import VideoFile, probe_video
 from pipeline.ingest.video.index import exact_times_s
-from pipeline.ingest.video.metadata import created_ns
 from pipeline.messages import FloatArray
 
 #: containers state whole seconds of when a recording began: a gap shorter than this is none, seconds
@@ -56,6 +55,11 @@ class Recordings:
     def paths(self) -> tuple[Path, ...]:
         """The video files."""
         return tuple(file.info.path for file, _ in self.files)
+
+    @property
+    def created_ns(self) -> int | None:
+        """When the first file began by its metadata, ns since 1970, UTC; None if they do not say."""
+        return self.files[0][0].created_ns
 
     @property
     def offsets_s(self) -> list[float]:
@@ -106,11 +110,22 @@ class Recordings:
 
     def images_at(self, times_s: Iterable[float]) -> Iterator[tuple[float, NDArray[np.uint8]]]:
         """As Source says; a file that can be searched by time is read from the last picture that stands alone."""
+        upright = self.files[0][0].upright
+        for time_s, frame in self._frames_at(times_s):
+            yield time_s, upright.rgb(frame)
+
+    def planes_at(self, times_s: Iterable[float]) -> Iterator[tuple[float, VideoFrame]]:
+        """As Source says, read as images_at does."""
+        upright = self.files[0][0].upright
+        for time_s, frame in self._frames_at(times_s):
+            yield time_s, upright.planes(frame, *self.sent_size)
+
+    def _frames_at(self, times_s: Iterable[float]) -> Iterator[tuple[float, VideoFrame]]:
         wanted = sorted(set(times_s))
         for (file, offset_s), end_s in zip(self.files, self._ends_s(), strict=True):
             own = [t for t in wanted if offset_s - file.slack_s <= t < end_s - file.slack_s]
             if own:
-                yield from _images(file, offset_s, own, self.threads)
+                yield from _frames_at(file, offset_s, own, self.threads)
 
     def exact_times_s(self) -> FloatArray:
         """As Source says."""
@@ -183,7 +198,7 @@ def _placed(files: list[VideoFile]) -> tuple[list[tuple[VideoFile, float]], list
     placed, findings, offset_s = [(files[0], 0.0)], [], 0.0
     for before, file in pairwise(files):
         offset_s += before.info.duration_s
-        began = created_ns(before.info.path), created_ns(file.info.path)
+        began = before.created_ns, file.created_ns
         gap_s = 0.0
         text = "taken to follow the file before without a gap"
         if began[0] is not None and began[1] is not None:
@@ -209,9 +224,9 @@ def _file_frames(
             yield (ticks - first) * tick_s, frame
 
 
-def _images(
+def _frames_at(
     file: VideoFile, offset_s: float, times_s: list[float], threads: int
-) -> Iterator[tuple[float, NDArray[np.uint8]]]:
+) -> Iterator[tuple[float, VideoFrame]]:
     first, tick_s = file.index.first_ticks, file.index.tick_s
     for wanted_s in times_s:
         with opened(file.info.path, threads) as (container, stream):
@@ -222,7 +237,7 @@ def _images(
             frames = shown_frames(container, stream, ticks)
             found = next(((at, frame) for at, frame in frames if at >= ticks), None)
             if found is not None and found[0] == ticks and isinstance(found[1], VideoFrame):
-                yield wanted_s, file.upright.rgb(found[1])
+                yield wanted_s, found[1]
 
 
 def _lost_before(lost: list[_Shown], index: int | None) -> Iterator[LostPicture]:

@@ -100,12 +100,22 @@ class StillsSource:
 
     def images_at(self, times_s: Iterable[float]) -> Iterator[tuple[float, NDArray[np.uint8]]]:
         """As Source says."""
+        yield from self._opened_at(times_s, (self.width, self.height))
+
+    def planes_at(self, times_s: Iterable[float]) -> Iterator[tuple[float, VideoFrame]]:
+        """As Source says."""
+        for time_s, image in self._opened_at(times_s, self.sent_size):
+            yield time_s, _planes(image, self.sent_size)
+
+    def _opened_at(
+        self, times_s: Iterable[float], size: tuple[int, int]
+    ) -> Iterator[tuple[float, NDArray[np.uint8]]]:
         for time_s in sorted(set(times_s)):
             at = int(np.abs(self.times - time_s).argmin())
             if abs(self.times[at] - time_s) > 1e-6:
                 continue
             try:
-                yield time_s, self._opened(self.files[at], (self.width, self.height))
+                yield time_s, self._opened(self.files[at], size)
             except (InputError, *_UNREADABLE):
                 continue
 

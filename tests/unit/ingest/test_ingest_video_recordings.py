@@ -305,3 +305,13 @@ def test_a_wanted_picture_that_is_damaged_is_left_out(tmp_path: Path) -> None:
     (tmp_path / "d.mp4").write_bytes(data)
     source = open_recordings([tmp_path / "d.mp4"])
     assert [t for t, _ in source.images_at([1.4, 2.5, 0.3])] == [0.3, 2.5]
+
+
+def test_planes_at_a_time_are_those_that_the_run_sends(tmp_path: Path) -> None:
+    source = open_recordings([write_video(tmp_path / "flight.mp4")]).resized(48, 32)
+    sent = {p.time_s: p.planes.to_ndarray() for p in given(source)}
+    times_s = sorted(sent)[3:9:2]
+    found = dict(source.planes_at(times_s))
+    assert list(found) == times_s
+    for time_s in times_s:
+        np.testing.assert_array_equal(found[time_s].to_ndarray(), sent[time_s])

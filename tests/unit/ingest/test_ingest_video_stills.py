@@ -106,3 +106,14 @@ def test_start_and_end_cut_and_nothing_at_all_is_refused(files: list[Path], tmp_
     (tmp_path / "x.jpg").write_text("no picture")
     with pytest.raises(InputError, match="no still that can be opened"):
         open_stills((tmp_path / "x.jpg",), np.zeros(1))
+
+
+def test_planes_at_a_time_are_those_that_the_run_sends(files: list[Path]) -> None:
+    source = open_stills(tuple(files), TIMES_S).resized(32, 24)
+    sent = {p.time_s: p.planes.to_ndarray() for p in source.pictures(10.0) if isinstance(p, Picture)}
+    files[3].unlink()
+    times_s = (np.array(TIMES_S) - TIMES_S[0]).tolist()
+    found = dict(source.planes_at([times_s[1], times_s[3], times_s[4], 1e6]))
+    assert list(found) == [times_s[1], times_s[4]]
+    for time_s, planes in found.items():
+        np.testing.assert_array_equal(planes.to_ndarray(), sent[time_s])

@@ -50,7 +50,7 @@ def test_a_video_without_a_picture_that_can_be_decoded_is_named(
     prepared: PreparedMission, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for stream in prepared.streams:
-        monkeypatch.setattr(type(stream.source), "images_at", lambda self, times_s: iter(()))
+        monkeypatch.setattr(type(stream.source), "planes_at", lambda self, times_s: iter(()))
     findings = push_one_picture(prepared, plan(prepared))
     assert [f.cause for f in findings] == ["no_picture"] * len(prepared.streams)
     assert str(prepared.streams[0].path) in findings[0].where
