@@ -219,7 +219,7 @@ def _print_people(summary) -> None:  # type: ignore[no-untyped-def]
     )
     possible = {place.id for place in summary.possible}
     distance = {} if summary.match is None else summary.match.distance_m
-    for column in ("no.", "prob.", "latitude", "longitude", "±", "from", "to", "looks", "off by"):
+    for column in ("no.", "prob.", "latitude", "longitude", "±", "last seen", "looks", "off by"):
         table.add_column(column, justify="right", no_wrap=True)
     for place in (*summary.locations, *summary.possible):
         known = (
@@ -234,10 +234,9 @@ def _print_people(summary) -> None:  # type: ignore[no-untyped-def]
         table.add_row(
             str(place.id),
             f"{place.probability:.2f}",
-            f"{place.latitude_deg:.7f}",
-            f"{place.longitude_deg:.7f}",
+            f"{place.latitude_deg:.6f}",
+            f"{place.longitude_deg:.6f}",
             f"{place.error.semi_major_m:.2f} m",
-            clock_time(place.first_seen_ns),
             clock_time(place.last_seen_ns),
             str(place.looks),
             known,

@@ -36,7 +36,7 @@ MODELS: dict[DjiModel, tuple[int, int, int]] = {
 #: takeOffSecurityHeight and globalRTHHeight may be no less, metres
 _LEAST_CLIMB_M = 2.0
 _STOPPING, _PASSING = "toPointAndStopWithDiscontinuityCurvature", "toPointAndPassWithContinuityCurvature"
-#: how far before a way point that is passed its turn may begin, metres
+#: how far before a way point that is passed its turn may begin, metres; more than 0 for all of them
 _TURN_M = 0.2
 #: ZIP's oldest date: the same flight gives the same bytes
 _DATE = (1980, 1, 1, 0, 0, 0)
@@ -159,7 +159,7 @@ def _turn(mark: Element, *, stops: bool) -> None:
     _say(
         SubElement(mark, _wpml("waypointTurnParam")),
         waypointTurnMode=_STOPPING if stops else _PASSING,
-        waypointTurnDampingDist=0 if stops else _TURN_M,
+        waypointTurnDampingDist=_TURN_M,
     )
     _say(mark, useStraightLine=1)
 
