@@ -117,12 +117,17 @@ def run(
         int | None, typer.Option(help="Serve /metrics there; 0 for any free port.")
     ] = None,
     metrics_host: Annotated[str, typer.Option(help="Interface for /metrics.")] = "127.0.0.1",
+    onto: Annotated[
+        Path | None,
+        typer.Option(help="Run directory of an earlier flight: its map goes on with this one, in --out."),
+    ] = None,
 ) -> None:
     """Detect, fuse and map: from video files to the people found."""
     from actors.mission import RunOptions, run_on_ray
     from pipeline.mission.find_mission import find_mission
     from pipeline.mission.local import run_local
     from pipeline.mission.noticed import noticed
+    from pipeline.mission.onto import read_earlier_run
     from pipeline.mission.planning import plan
     from pipeline.mission.prepared import prepare
     from pipeline.mission.run_directory import write_run_directory
@@ -131,7 +136,8 @@ def run(
     mission = find_mission(mission)
     out = mission.parent / "run" if out is None else out
     with claimed(out):
-        prepared = noticed(prepare(mission))
+        earlier = None if onto is None else read_earlier_run(onto)
+        prepared = noticed(prepare(mission, earlier))
         with _progress("frames") as progress:
             if local:
                 finished = run_local(prepared, plan(prepared), progress)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -96,7 +96,7 @@ def _warm_up(prepared: PreparedMission, plan: Plan) -> None:
     assert pose is not None  # there is one at every sample
     detector = next(a.detector for a in plan.assignments if a.stream == stream.stream)
     box, score = np.array([[400.0, 200.0, 430.0, 260.0]]), np.array([0.9])
-    scratch = make_reducer(prepared, plan, lateness=False)
+    scratch = make_reducer(replace(prepared, onto=None), plan, lateness=False)
     scratch.fuser.apply(
         Detections(stream.stream, detector, 0, 0, pose, box, score, np.zeros(1, dtype=np.int64))
     )

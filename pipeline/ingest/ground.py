@@ -59,8 +59,36 @@ class GroundModel:
         )
 
 
-def frame_over(section: TerrainSection, tracks: Sequence[Track]) -> LocalFrame:
-    """The map frame: its origin is the mesh's, or the middle of the surface model; of the flights if that is far."""
+def frame_over(
+    section: TerrainSection, tracks: Sequence[Track], onto: LocalFrame | None = None
+) -> LocalFrame:
+    """The map frame: its origin is the mesh's, or the middle of the surface model; of the flights if that is far.
+
+    onto: the frame of the map that the flights are added to: it stands in for the flights' middle. Raises InputError
+    if they are too far from its origin.
+    """
+    own = _frame_of_files(section, tracks)
+    if own is not None:
+        return own
+    middle = middle_of(tracks)
+    if onto is None:
+        return middle
+    away_m = math.hypot(
+        *(
+            float(x)
+            for x in onto.enu_from_wgs84(
+                np.array(middle.origin_latitude_deg), np.array(middle.origin_longitude_deg)
+            )
+        )
+    )
+    if away_m > _NEAR_ORIGIN_M:
+        found = f"flights {away_m / 1000.0:,.1f} km from the origin of the map that they are added to"
+        raise InputError("--onto", found, f"at most {_NEAR_ORIGIN_M / 1000.0:g} km: a map of their own")
+    return onto
+
+
+def _frame_of_files(section: TerrainSection, tracks: Sequence[Track]) -> LocalFrame | None:
+    """The frame that the mesh or the surface model fixes; None if neither does."""
     if section.origin is not None:
         return LocalFrame(math.degrees(section.origin.latitude), math.degrees(section.origin.longitude))
     files = files_of(section)
@@ -69,7 +97,7 @@ def frame_over(section: TerrainSection, tracks: Sequence[Track]) -> LocalFrame:
         edges = bounds_m(files[0], frame)
         if max(abs(edge) for edge in edges) <= _NEAR_ORIGIN_M or not tracks:
             return frame
-    return middle_of(tracks)
+    return None
 
 
 def middle_of(tracks: Sequence[Track]) -> LocalFrame:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from matplotlib import image as matplotlib_image
@@ -16,19 +17,44 @@ from pipeline.mission.prepared import PreparedMission
 from pipeline.mission.stages.source import StreamInput
 
 HALF_SIZE_PX = 72
+#: what ``Look.order`` is
+Order = tuple[int, str, str, int]
 
 
-def found_place_crops(
-    prepared: PreparedMission, locations: Sequence[SalientLocation]
-) -> list[tuple[int, bytes]]:
-    """(id of the place, PNG) for every place that has a sighting in the mission's streams, cut from the video."""
+@dataclass(frozen=True, eq=False)
+class Crop:
+    """place: its id. sighting: the surest one there. png: what was seen."""
+
+    place: int
+    sighting: Look
+    png: bytes
+
+
+def found_place_crops(prepared: PreparedMission, locations: Sequence[SalientLocation]) -> list[Crop]:
+    """One for every place that has a sighting in the mission's streams, cut from the video, by place.
+
+    Places that only earlier flights have seen keep the picture of then.
+    """
     streams = {stream.stream for stream in prepared.streams}
     chosen = {place.id: look for place in locations if (look := _best(place, streams)) is not None}
-    pictures = []
+    pictures: list[Crop] = []
     for stream in prepared.streams:
         mine = {place: look for place, look in chosen.items() if look.stream == stream.stream}
         pictures += _cut(stream, prepared.cameras[stream.stream], mine)
-    return sorted(pictures)
+    if prepared.onto is not None:
+        left = [place for place in locations if place.id not in {crop.place for crop in pictures}]
+        pictures += _kept(left, prepared.onto.crops)
+    return sorted(pictures, key=lambda crop: crop.place)
+
+
+def _kept(places: Sequence[SalientLocation], crops: Mapping[Order, bytes]) -> list[Crop]:
+    found = []
+    for place in places:
+        seen = [sighting for sighting in place.sightings if sighting.order in crops]
+        if seen:
+            best = max(seen, key=lambda look: (look.score, -look.time_ns))
+            found.append(Crop(place.id, best, crops[best.order]))
+    return found
 
 
 def _best(place: SalientLocation, streams: Collection[str]) -> Look | None:
@@ -36,16 +62,16 @@ def _best(place: SalientLocation, streams: Collection[str]) -> Look | None:
     return max(mine, key=lambda look: (look.score, -look.time_ns), default=None)
 
 
-def _cut(stream: StreamInput, camera: Camera, looks: dict[int, Look]) -> list[tuple[int, bytes]]:
+def _cut(stream: StreamInput, camera: Camera, looks: dict[int, Look]) -> list[Crop]:
     time_s_of = {place: (look.time_ns - stream.start_ns) * 1e-9 for place, look in looks.items()}
-    pictures = []
+    pictures: list[Crop] = []
     for time_s, image in stream.source.images_at(time_s_of.values()):
         pose = stream.trajectory.pose(time_s)
         if pose is None:
             continue
         for place in (p for p, t in time_s_of.items() if t == time_s):
             pixel = camera.project_enu(looks[place].intersection_enu[None], pose)[0]
-            pictures.append((place, _crop(image, pixel)))
+            pictures.append(Crop(place, looks[place], _crop(image, pixel)))
     return pictures
 
 

@@ -11,6 +11,7 @@ from pipeline.detection import open_pool_detector
 from pipeline.fusion.fuser import Fuser
 from pipeline.fusion.sequencer import Sequencer
 from pipeline.messages import Message
+from pipeline.mission.onto import go_on
 from pipeline.mission.prepared import PreparedMission
 from pipeline.mission.stages.detector import DetectorStage
 from pipeline.mission.stages.reducer import ReducerStage
@@ -88,6 +89,8 @@ def make_reducer(
     by_pool = relative_accuracy or prepared.relative_accuracy
     relative = {a.detector: by_pool[a.pool_detector] for a in plan.assignments}
     fuser = Fuser(prepared.terrain, prepared.mission.fusion, prepared.cameras, relative)
+    if prepared.onto is not None:
+        go_on(fuser, prepared.onto, min(s.start_ns for s in prepared.streams))
     lateness_ns = round(prepared.mission.fusion.lateness * 1e9) if lateness else None
     start_ns = {s.stream: s.start_ns for s in prepared.streams}
     return ReducerStage(fuser, Sequencer(substreams, lateness_ns, start_ns), substreams)

@@ -34,6 +34,7 @@ from pipeline.mission.checks import (
 from pipeline.mission.clocks import settled
 from pipeline.mission.detectors import layers_of, look_at_detectors
 from pipeline.mission.faults import Faults
+from pipeline.mission.onto import EarlierRun, joined, require_continues, require_fits
 from pipeline.mission.recording import Recording, read_recording
 from pipeline.mission.sent_size import as_sent
 from pipeline.mission.simulated_only import simulated_only
@@ -65,7 +66,7 @@ class PreparedMission:
 
     findings: what was noticed and assumed on the way. left_out: samples not used, stream -> reason -> count.
     known_layers: of the map, by name, of every detector of the pool that has a model. tracks: the samples of each
-    stream. heights: what the map's heights count from.
+    stream. heights: what the map's heights count from. onto: the run whose map goes on.
     """
 
     path: Path
@@ -81,6 +82,7 @@ class PreparedMission:
     known_layers: Mapping[str, frozenset[str]] = field(default_factory=dict)
     tracks: Mapping[str, Track] = field(default_factory=dict)
     heights: Heights = UNKNOWN
+    onto: EarlierRun | None = None
 
     @property
     def clock(self) -> Clock:
@@ -111,8 +113,8 @@ class PreparedMission:
         return detector
 
 
-def prepare(path: Path) -> PreparedMission:
-    """Read and check a mission; of a video its index and a few pictures.
+def prepare(path: Path, onto: EarlierRun | None = None) -> PreparedMission:
+    """Read and check a mission; of a video its index and a few pictures. onto: the run whose map is to go on.
 
     Raises InputError, or SeveralInputsError with every independent fault, for what cannot be used.
     """
@@ -127,7 +129,7 @@ def prepare(path: Path) -> PreparedMission:
     with faults.collected():
         for codec in (mission.processing.codec, *mission.processing.codecs):
             require_codec(codec)
-    filmed = read_filmed(path, mission, faults)
+    filmed = read_filmed(path, mission, faults, onto)
     mission, terrain, cameras, streams = filmed.mission, filmed.terrain, filmed.cameras, filmed.streams
     streams = tuple(replace(s, source=as_sent(s.source, look.picture_sizes)) for s in streams)
     unfit = simulated_only(look.simulated, [file for s in streams for file in s.source.paths])
@@ -150,19 +152,26 @@ def prepare(path: Path) -> PreparedMission:
         look.known,
         filmed.tracks,
         filmed.heights,
+        onto,
     )
 
 
-def read_filmed(path: Path, mission: Mission, faults: Faults) -> Filmed:
-    """What was filmed, and over which ground. Raises what ``faults`` has collected before and here."""
+def read_filmed(path: Path, mission: Mission, faults: Faults, onto: EarlierRun | None = None) -> Filmed:
+    """What was filmed, and over which ground. Raises what ``faults`` has collected before and here.
+
+    onto: a run whose map is to hold it: in its frame, on a terrain that holds both.
+    """
     recordings = []
     for stream in mission.streams:
         with faults.collected():
             recordings.append(read_recording(path, mission, stream))
     tracks = [r.track for r in recordings]
     with faults.collected():
-        frame = frame_over(mission.terrain, tracks)
+        frame = frame_over(mission.terrain, tracks, None if onto is None else onto.frame)
         window = _seen(mission, frame, recordings)
+        if onto is not None:
+            require_fits(onto, mission.fusion, frame)
+            window = joined(window, onto.window)
         ground = load_ground(mission.terrain, mission.fusion.cell_size, frame, window, tracks)
     faults.raise_if_any()
     mission = _with_ground_sd(mission, ground.sd_m)
@@ -171,6 +180,9 @@ def read_filmed(path: Path, mission: Mission, faults: Faults) -> Filmed:
     if mission.search_area is not None:
         with faults.collected():
             findings += area_is_on_terrain(mission.search_area, terrain)
+    if onto is not None:
+        with faults.collected():
+            require_continues(onto, mission.fusion, ground, streams)
     faults.raise_if_any()
     cameras = {r.stream.id: r.camera for r in recordings}
     left_out = {r.stream.id: dict(r.track.left_out) for r in recordings if r.track.left_out}

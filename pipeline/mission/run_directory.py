@@ -20,7 +20,9 @@ from pipeline.messages import FloatArray
 from pipeline.mission.found_place_crops import found_place_crops
 from pipeline.mission.ledger import stream_account, substream_counts
 from pipeline.mission.local import FinishedRun
+from pipeline.mission.onto import STATE_FILE
 from pipeline.mission.prepared import PreparedMission
+from pipeline.mission.run_state import save_run_state
 from pipeline.outputs.dji_route import write_dji_route
 from pipeline.outputs.map_picture import map_picture, png, second_look_picture
 from pipeline.outputs.report import ReportData, write_report
@@ -39,18 +41,34 @@ def write_run_directory(prepared: PreparedMission, run: FinishedRun, out: Path) 
     locations, possible = found_and_possible(fuser.maps, fuser.looks, prepared.mission.fusion)
     truth = load_truth(prepared.mission.truth, prepared.frame) if prepared.mission.truth else ()
     schedule = gantt(prepared.problem, run.plan)
+    # the first of them flies again
     tracks = {s.stream: _track(prepared, s.stream) for s in prepared.streams}
+    if prepared.onto is not None:
+        tracks |= prepared.onto.tracks
     crops = found_place_crops(prepared, [*locations, *possible])
     mission, camera = prepared.mission, prepared.cameras[prepared.streams[0].stream]
     takeoff_m = prepared.streams[0].trajectory.takeoff_m
     second = plan_second_look(
         fuser.map, prepared.terrain, mission.fusion, camera, tracks, mission.search_area, takeoff_m
     )
-    summary = replace(_summary(prepared, run, locations, truth), possible=possible, coverage=second.coverage)
+    summary = replace(
+        _summary(prepared, run, locations, truth),
+        possible=possible,
+        coverage=second.coverage,
+        earlier=() if prepared.onto is None else prepared.onto.flights,
+    )
     last_ns = max(s.start_ns + round((s.end_s - s.video.start_s) * 1e9) for s in prepared.streams)
     picture = second_look_picture(fuser.map, second.areas, second.flight)
     report = ReportData(
-        summary, fuser.map, tracks, truth, schedule, crops, second.areas, second.flight, picture
+        summary,
+        fuser.map,
+        tracks,
+        truth,
+        schedule,
+        [(crop.place, crop.png) for crop in crops],
+        second.areas,
+        second.flight,
+        picture,
     )
     with run_directory(out) as folder:
         for name, voxel_map in fuser.maps.items():
@@ -67,6 +85,7 @@ def write_run_directory(prepared: PreparedMission, run: FinishedRun, out: Path) 
             look = prepared.mission.fusion.second_look
             write_qgc_plan(folder / "second_flight.plan", second.flight, prepared.frame, look)
             write_dji_route(folder / "second_flight.kmz", second.flight, prepared.frame, look, last_ns)
+        save_run_state(folder / STATE_FILE, prepared, fuser, summary, tracks, crops)
         write_report(folder / "report.html", report)
         write_summary(folder / "summary.json", summary)
     return summary

@@ -61,6 +61,7 @@ def render_report(data: ReportData) -> str:
     )
     places = summary.locations
     listed = [*places, *summary.possible]
+    accounts = [*summary.streams, *(account for flight in summary.earlier for account in flight.streams)]
     return environment.get_template("report.html.j2").render(
         summary=summary,
         places=places,
@@ -71,8 +72,8 @@ def render_report(data: ReportData) -> str:
         distance_m={} if summary.match is None else summary.match.distance_m,
         first_ns=min((place.first_seen_ns for place in listed), default=None),
         area_ha=observed_area_m2(data.voxel_map) / 1e4,
-        captured=sum(account.captured for account in summary.streams),
-        processed=sum(account.processed for account in summary.streams),
+        captured=sum(account.captured for account in accounts),
+        processed=sum(account.processed for account in accounts),
         map_png=png(map_picture(data.voxel_map, data.tracks, places, data.truth, summary.possible)),
         schedule_png=png(data.schedule),
         crops=data.crops,

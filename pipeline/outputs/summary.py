@@ -15,6 +15,7 @@ from pipeline.fusion.salient import SalientLocation
 from pipeline.ingest.finding import Finding
 from pipeline.ingest.track import Clock
 from pipeline.outputs.accounting import StreamAccount
+from pipeline.outputs.earlier_flight import EarlierFlight, flight_to_json
 from pipeline.outputs.salient_geojson import ellipse_json, support_json
 from pipeline.outputs.times import iso_time, zone_name
 from pipeline.outputs.truth import MATCH_RADIUS_M, TruthMatch
@@ -95,6 +96,7 @@ class Summary:
     own_detections: where detections that were
     not made by this run come from, and what was assumed of them, a sentence each; empty: this run made them. possible:
     places below the threshold that were detected again and again. coverage: of the ground that was to be searched.
+    earlier: flights whose map this run has continued.
     """
 
     mission: str
@@ -131,6 +133,7 @@ class Summary:
     own_detections: Sequence[str] = ()
     possible: Sequence[SalientLocation] = ()
     coverage: Coverage | None = None
+    earlier: Sequence[EarlierFlight] = ()
 
 
 def write_summary(path: Path, summary: Summary) -> None:
@@ -164,6 +167,7 @@ def summary_to_json(summary: Summary) -> dict[str, Any]:
         "evidence_not_taken": dict(sorted(summary.not_taken.items())),
         "provenance": dict(summary.provenance),
         "own_detections": list(summary.own_detections),
+        "earlier_flights": [flight_to_json(flight) for flight in summary.earlier],
     }
     plain = _finite(content)
     assert isinstance(plain, dict)
