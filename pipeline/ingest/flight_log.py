@@ -65,11 +65,9 @@ def track_of_log(path: object, log: FlightLog, expected: str, longest_gap_s: flo
     samples = []
     for i, time_s in enumerate(log.times_s.tolist()):
         values = {name: float(column[i]) for name, column in columns.items() if not math.isnan(column[i])}
-        if values.pop("fix", FIX_3D) < FIX_3D:
-            log.left_out.add("no_fix", f"{path} at {time_s:.1f} s")
-            continue
+        has_fix = values.pop("fix", FIX_3D) >= FIX_3D
         at_ns = None if date_ns is None else date_ns + round((time_s - float(log.times_s[0])) * 1e9)
-        samples.append(Sample(f"{path} at {time_s:.1f} s", time_s, values, at_ns))
+        samples.append(Sample(f"{path} at {time_s:.1f} s", time_s, values, at_ns, has_fix=has_fix))
     track = track_of(
         path,
         samples,
@@ -147,6 +145,8 @@ def _with_times_of(track: Track, added_s: FloatArray, longest_gap_s: float) -> T
     times_s = np.union1d(own_s, inside)
 
     def between(values: FloatArray) -> FloatArray:
+        if np.isinf(values).all():  # of a receiver that never had a fix; np.interp would make it unknown
+            return np.full(len(times_s), math.inf)
         return np.asarray(np.interp(times_s, own_s, values))
 
     longitude = between(np.unwrap(track.longitude_deg, period=360.0))

@@ -104,7 +104,7 @@ def middle_of(tracks: Sequence[Track]) -> LocalFrame:
     """The map frame in the middle of the flights. Raises InputError if they have no position."""
     latitude = np.concatenate([t.latitude_deg for t in tracks])
     longitude = np.concatenate([t.longitude_deg for t in tracks])
-    known = np.isfinite(latitude) & np.isfinite(longitude)
+    known = np.concatenate([t.has_position for t in tracks])
     if not known.any():
         raise InputError("telemetry", "no position in any of it", "positions, to know where the mission is")
     # the antimeridian may run through the flights
@@ -125,7 +125,7 @@ def window_about(tracks: Sequence[Track], frame: LocalFrame, reach_m: float) -> 
 
 
 def _positions(track: Track, frame: LocalFrame) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
-    known = np.isfinite(track.latitude_deg) & np.isfinite(track.longitude_deg)
+    known = track.has_position
     return np.stack(frame.enu_from_wgs84(track.latitude_deg[known], track.longitude_deg[known]), axis=1)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +42,8 @@ _DATE_SLACK_NS = 1_500_000_000
 class Sample:
     """where: file and line (or packet). time_s: on the track's clock. date_ns: ns since 1970, None without one.
 
-    values: by the names of FIELDS. end_s: how long it holds; None: until the next one.
+    values: by the names of FIELDS. end_s: how long it holds; None: until the next one. has_fix: False where the
+    receiver says that its position is none.
     """
 
     where: str
@@ -50,6 +51,7 @@ class Sample:
     values: Mapping[str, float]
     date_ns: int | None = None
     end_s: float | None = None
+    has_fix: bool = True
 
 
 @dataclass
@@ -82,12 +84,13 @@ def track_of(
 ) -> Track:
     """The track of the samples that can be used. expected: what the file should hold, for the error.
 
-    left_out: what the reader left out already. Raises InputError if no sample is left, with the reasons.
+    left_out: what the reader left out already. Where no sample has a fix all are kept, with a horizontal error without
+    bound: the file can still give angles. Raises InputError if no sample is left, with the reasons.
     """
     left_out = left_out or LeftOut()
     all_samples = list(samples)
     kept = _plausible(all_samples, left_out)
-    kept = _without_spikes(_in_order(kept, left_out), left_out)
+    kept = _without_spikes(_in_order(kept, left_out), left_out) or _never_fixed(all_samples)
     if not kept:
         found = f"no usable sample ({left_out})" if left_out.counts else "no sample"
         raise InputError(path, found, _angles_in_degrees(all_samples) or expected)
@@ -152,10 +155,21 @@ def _angles_in_degrees(samples: Sequence[Sample]) -> str:
     return ""
 
 
+def _never_fixed(samples: Sequence[Sample]) -> list[Sample]:
+    """Samples of a receiver that never had a fix: as it wrote them, and as sure as nothing."""
+    without = [
+        replace(s, has_fix=True, values=dict(s.values)) for s in samples if _fault(s, set()) == "no_fix"
+    ]
+    possible = [s for s in without if _fault(s, set()) in (None, "no_fix")]
+    kept = _in_order(possible, LeftOut())
+    return [replace(s, values={**s.values, "horizontal_sd": math.inf}) for s in kept]
+
+
 def _plausible(samples: list[Sample], left_out: LeftOut) -> list[Sample]:
     """Those that are whole, with a fix, and possible."""
-    count = Counter(name for s in samples for name in _ESSENTIAL if name in s.values)
-    usual = {name for name, n in count.items() if 2 * n > sum(1 for s in samples if s.values)}
+    with_fix = [s for s in samples if s.has_fix]
+    count = Counter(name for s in with_fix for name in _ESSENTIAL if name in s.values)
+    usual = {name for name, n in count.items() if 2 * n > sum(1 for s in with_fix if s.values)}
     kept = []
     for sample in samples:
         reason = _fault(sample, usual)
@@ -168,6 +182,8 @@ def _plausible(samples: list[Sample], left_out: LeftOut) -> list[Sample]:
 
 def _fault(sample: Sample, usual: set[str]) -> str | None:
     values = sample.values
+    if not sample.has_fix:
+        return "no_fix"
     if not values:
         return "empty"
     if any(not math.isfinite(v) for v in values.values()):

@@ -6,6 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
+import numpy as np
+from numpy.typing import NDArray
+
 from pipeline.config.terrain import Datum
 from pipeline.messages import FloatArray
 
@@ -26,7 +29,8 @@ class Track:
     Absent (None) where the format has no such field: aircraft_yaw_rad, aircraft_pitch_rad, aircraft_roll_rad:
     the airframe's attitude. focal_length_35mm: equivalent to a picture 36 mm wide, digital zoom included.
     horizontal_sd_m (each axis), height_sd_m, attitude_sd_rad: standard deviations, stated or from the kind of
-    fix. recording: 1 where the log says that the camera was recording, else 0.
+    fix; the horizontal one is infinite where the receiver has none. recording: 1 where the log says that the
+    camera was recording, else 0.
 
     end_s: how long the last sample holds, on the clock of times_s; None: as long as samples usually do.
     camera_name: as the file calls the camera or the drone. left_out: samples not used, reason -> count;
@@ -58,3 +62,9 @@ class Track:
     left_out: Mapping[str, int] = field(default_factory=dict)
     first_left_out: Mapping[str, str] = field(default_factory=dict)
     assumed: tuple[str, ...] = ()
+
+    @property
+    def has_position(self) -> NDArray[np.bool_]:
+        """Which samples say where the drone was (N,): by a fix, or without a word on it."""
+        known = np.isfinite(self.latitude_deg) & np.isfinite(self.longitude_deg)
+        return known if self.horizontal_sd_m is None else known & ~np.isinf(self.horizontal_sd_m)

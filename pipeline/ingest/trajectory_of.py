@@ -64,9 +64,9 @@ def trajectory_of(
     """
     offset_s = (telemetry.time_offset or 0.0) if offset_s is None else offset_s
     believed = uncertainty or Uncertainty()
-    known = np.isfinite(track.latitude_deg) & np.isfinite(track.longitude_deg)
+    known = track.has_position
     if not known.any():
-        raise InputError(telemetry.file, "telemetry without positions", "a file with latitude and longitude")
+        raise _without_positions(track, telemetry)
     assumed = list(track.assumed)
     east, north = frame.enu_from_wgs84(track.latitude_deg[known], track.longitude_deg[known])
     up, height_sd_m = _heights(track, telemetry, known, (float(east[0]), float(north[0])), ground, assumed)
@@ -96,6 +96,17 @@ def trajectory_of(
         tuple(assumed),
         np.array([believed.position_bias, believed.height_bias, believed.attitude_bias]),
         _takeoff_m(up, track.relative_height_m[known]),
+    )
+
+
+def _without_positions(track: Track, telemetry: Telemetry) -> InputError:
+    if np.isnan(track.latitude_deg).all():
+        return InputError(telemetry.file, "telemetry without positions", "a file with latitude and longitude")
+    return InputError(
+        telemetry.file,
+        f"{len(track.times_s)} samples, and the receiver has a fix in none of them",
+        "positions from another file (telemetry.file; this one can still give telemetry.angles), or a mission "
+        "without this stream",
     )
 
 

@@ -62,7 +62,11 @@ def contents_of(folder: Path) -> Contents:
             elif ending in CAMERA_ENDINGS:
                 cameras[path] = load_camera(path)
             else:
-                telemetry[path] = read_telemetry(Telemetry(file=path))
+                track = read_telemetry(Telemetry(file=path))
+                if track.has_position.any():
+                    telemetry[path] = track
+                else:
+                    unused[path] = f"{len(track.times_s)} samples, none with a position"
         except InputError as error:
             unused[path] = error.found
     for album in [f for f, count in stills.items() if count < LEAST_STILLS]:

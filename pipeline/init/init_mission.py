@@ -111,7 +111,9 @@ def _inside(videos: Sequence[Path]) -> dict[Path, Track]:
     found = {}
     for path in videos:
         with suppress(InputError):
-            found[path] = read_telemetry(Telemetry(file=path))
+            track = read_telemetry(Telemetry(file=path))
+            if track.has_position.any():
+                found[path] = track
     return found
 
 
@@ -158,7 +160,7 @@ def _camera(video: VideoInfo, contents: Contents) -> tuple[Path | str, str]:
 
 
 def _height(track: Track, ground: Ground | None) -> HeightChoice:
-    known = np.flatnonzero(np.isfinite(track.latitude_deg))
+    known = np.flatnonzero(track.has_position)
     latitude, longitude = float(track.latitude_deg[known[0]]), float(track.longitude_deg[known[0]])
     height_m = float("nan") if ground is None else ground.height_m(latitude, longitude)
     datum = "ellipsoid" if ground is None else ground.datum

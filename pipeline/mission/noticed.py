@@ -47,7 +47,7 @@ def _of_samples(prepared: PreparedMission) -> list[Finding]:
         findings += check_units(where, track)
         findings += check_speed(where, stream.trajectory)
         findings += check_sky(where, stream.trajectory, prepared.cameras[stream.stream])
-        place = next(k for k in range(len(track.times_s)) if np.isfinite(track.latitude_deg[k]))
+        place = int(np.flatnonzero(track.has_position)[0])
         geoid_m, _ = undulation_m(float(track.latitude_deg[place]), float(track.longitude_deg[place]))
         findings += check_takeoff(
             where, track, config.telemetry, stream.trajectory, prepared.terrain, geoid_m
@@ -99,7 +99,7 @@ def _motions(prepared: PreparedMission) -> dict[str, Motion]:
 
 def too_coarse(track: Track) -> str:
     """Why positions do not tell how a drone moves in a quarter of a second; empty if they do."""
-    known = np.isfinite(track.latitude_deg)
+    known = track.has_position
     if known.sum() < 3:
         return "fewer than three samples"
     steps = np.abs(np.diff(np.unique(np.round(track.latitude_deg[known], 10)))) * _METERS_PER_DEGREE

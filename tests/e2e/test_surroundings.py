@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 import zipfile
@@ -96,3 +97,13 @@ def test_the_wheel_holds_the_code_the_templates_and_the_demo(tmp_path: Path) -> 
         if name.startswith(parts) and not name.endswith("README.md")
     }
     assert wanted - held == set()
+    # unpacked, as pip does it, it finds the demo: its folder is a package without a module
+    shutil.unpack_archive(next(tmp_path.glob("*.whl")), tmp_path / "installed", "zip")
+    where = "import pipeline.config.shipped as s; print(s.__file__, s.shipped('missions', 'demo'))"
+    command = [sys.executable, "-c", where]
+    installed = os.environ | {"PYTHONPATH": str(tmp_path / "installed")}
+    run = subprocess.run(command, cwd=tmp_path, env=installed, capture_output=True, text=True, check=True)
+    code, demo = run.stdout.split()
+    assert Path(code).is_relative_to(tmp_path / "installed")
+    assert Path(demo) == tmp_path / "installed/searchlight_configs/missions/demo"
+    assert (Path(demo) / "mission.yaml").is_file()

@@ -42,7 +42,7 @@ def track_of_table(
 
 
 def _samples(read: TableColumns, times: SampleTimes) -> list[Sample]:
-    """The rows that have a time and a fix; others are counted in the table."""
+    """The rows that are whole and have a time; others are counted in the table."""
     table = read.table
     needed = max(table.index(read.columns[name].name) or 0 for name in _NEEDED if name in read.columns)
     no_fix = [False] * len(table.rows)
@@ -53,23 +53,21 @@ def _samples(read: TableColumns, times: SampleTimes) -> list[Sample]:
     held = np.isfinite(cells)
     samples = []
     for i, row in enumerate(table.rows):
-        reason = _fault(row, needed, float(times.times_s[i]), no_fix[i])
+        reason = _fault(row, needed, float(times.times_s[i]))
         if reason is not None:
             table.left_out.add(reason, table.where(row))
             continue
         time_s = float(times.times_s[i])
         values = {name: float(cells[i, k]) for k, name in enumerate(names) if held[i, k]}
         date_ns = None if times.clock == "unknown" else times.start_ns + round(time_s * 1e9)
-        samples.append(Sample(table.where(row), time_s, values, date_ns))
+        samples.append(Sample(table.where(row), time_s, values, date_ns, has_fix=not no_fix[i]))
     return samples
 
 
-def _fault(row: Row, needed: int, time_s: float, no_fix: bool) -> str | None:
+def _fault(row: Row, needed: int, time_s: float) -> str | None:
     if len(row.cells) <= needed:
         return "incomplete"
-    if not np.isfinite(time_s):
-        return "no_time"
-    return "no_fix" if no_fix else None
+    return None if np.isfinite(time_s) else "no_time"
 
 
 def _widen_weak_fixes(read: TableColumns) -> None:

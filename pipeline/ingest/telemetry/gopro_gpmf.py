@@ -19,7 +19,7 @@ from pipeline.config.telemetry import Telemetry
 from pipeline.config.terrain import Datum
 from pipeline.errors import InputError
 from pipeline.ingest.samples import LeftOut, Sample, track_of
-from pipeline.ingest.satellite_fix import height_sd_m, horizontal_sd_m
+from pipeline.ingest.satellite_fix import FIX_3D, height_sd_m, horizontal_sd_m
 from pipeline.ingest.telemetry.binary_file import read_bytes
 from pipeline.ingest.telemetry.gpmf_items import Item, items_of, nests_of, scale_of
 from pipeline.ingest.track import Track
@@ -156,13 +156,11 @@ def _samples(stream: Sequence[Item], payload: Payload, where: str, left_out: Lef
     step_s = (payload.end_s - payload.start_s) / len(rows)
     samples = []
     for i, (latitude, longitude, altitude, *_) in enumerate(rows.tolist()):
-        if fix[i] < 3.0:
-            left_out.add("no_fix", where)
-            continue
         values = {"latitude": latitude, "longitude": longitude, "absolute_height": altitude}
         values |= {"horizontal_sd": float(horizontal[i]), "height_sd": float(height[i])}
         date_ns = round(utc_s[i] * 1e9) if math.isfinite(utc_s[i]) else None
-        samples.append(Sample(where, payload.start_s + i * step_s, values, date_ns))
+        time_s = payload.start_s + i * step_s
+        samples.append(Sample(where, time_s, values, date_ns, has_fix=bool(fix[i] >= FIX_3D)))
     return samples
 
 

@@ -208,7 +208,6 @@ def test_a_clock_that_is_set_in_flight_is_believed_by_most_of_its_dates(tmp_path
         ("no telemetry\nat all\n", "no cue"),
         ("1\n00:00 --> what\n", "without positions"),
         ("1\n00:00:00,000 --> 00:00:01,000\nHello\n\n", "without positions"),
-        (cue(1, "0.000").replace("15.1]", "0.0]"), r"no usable sample \(1 no_fix \(first: .*drone.srt:3\)\)"),
     ],
 )
 def test_a_file_with_nothing_to_use_is_refused(tmp_path: Path, text: str, found: str) -> None:

@@ -104,7 +104,6 @@ def test_numbers_that_do_not_fit_their_description_are_counted(tmp_path: Path) -
     "data",
     [
         gpmf.payload(gpmf.nest("STRM", gpmf.item("ACCL", "s", 6, 2, bytes(12)))),
-        gpmf.payload(gpmf.gps5(ROWS, WHEN, fix=0)),
         b"DEVC",
         b"DEVC\0\xff\xff\xff" + bytes(200),
     ],
@@ -128,6 +127,13 @@ def test_the_track_of_a_gopro_in_its_mp4() -> None:
 
 
 @pytest.mark.skipif(not SHARED.exists(), reason="no ../shared beside the repository")
-def test_a_gopro_without_a_lock_is_refused_for_that() -> None:
-    with pytest.raises(InputError, match="17 no_fix"):
-        read(SHARED / "gopro_hero6_gpmf.raw")
+def test_a_gopro_without_a_lock_is_read_and_none_of_it_is_a_position() -> None:
+    track = read(SHARED / "gopro_hero6_gpmf.raw")
+    assert track.latitude_deg[[0, 1]].tolist() == [33.1265542, 33.1265547]
+    assert track.longitude_deg[[0, 1]].tolist() == [-117.3271299, -117.3271292]
+    assert track.absolute_height_m[0] == -18.172
+    assert datetime.fromtimestamp(track.start_time_ns // 1e9, UTC) == datetime(
+        2018, 1, 24, 19, 28, 1, tzinfo=UTC
+    )
+    assert dict(track.left_out) == {"no_fix": len(track.times_s)} == {"no_fix": 17}
+    assert not track.has_position.any()

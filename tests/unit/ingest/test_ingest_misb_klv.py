@@ -255,7 +255,6 @@ def test_packets_twice_and_packets_from_nowhere_are_left_out(tmp_path: Path) -> 
         (b"", "empty"),
         (b"no packets in here" * 20, "no packet"),
         (bytes.fromhex("060e2b34020101010e01010201010000") + b"\x02ab", "EG 0104"),
-        (klv.packet(5, {13: 0.0, 14: 0.0}), "1 no_fix"),
     ],
 )
 def test_a_file_without_positions_is_refused_in_one_line(tmp_path: Path, data: bytes, found: str) -> None:

@@ -211,7 +211,6 @@ def test_a_few_times_far_ahead_do_not_cost_all_that_follow(tmp_path: Path) -> No
     [
         ("", "no row of samples"),
         ("t,lat,lon\n", "no row of samples"),
-        ("t,lat,lon\n0,0,0\n1,0,0\n", r"no usable sample \(2 no_fix"),
         ("t,lat,lon\n0,58,4,15,5\n1,58,4,15,5\n", "rows of more cells than the 3 of the head, split at ','"),
         ("t,lat,lon\nx,58.4,15.5\ny,58.4,15.5\n", "no time in any row"),
     ],
