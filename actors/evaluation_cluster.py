@@ -1,4 +1,4 @@
-"""The grid's units on a Ray cluster: one task for each, on one core."""
+"""The grid's units on a Ray cluster: one task for each bundle of them, on one core."""
 
 from __future__ import annotations
 
@@ -8,8 +8,10 @@ from functools import partial
 from typing import Any
 
 from actors.cluster import cluster
+from pipeline.evaluation.measuring.bundles import bundles
 from pipeline.evaluation.measuring.grid import Execute
-from pipeline.evaluation.measuring.work_unit import Unit, UnitResult, work
+from pipeline.evaluation.measuring.unit import Unit
+from pipeline.evaluation.measuring.work_unit import UnitResult, work
 
 
 def on_cluster(address: str | None) -> Execute:
@@ -26,17 +28,25 @@ def _on_cluster(address: str | None, units: list[Unit]) -> Iterator[tuple[Unit, 
         import ray
 
         task = ray.remote(num_cpus=1, max_retries=3)(work)
-        waiting = {task.remote(replace(unit, packets=None)): unit for unit in units}
+        workers = max(1, int(_resources(ray).get("CPU", 1)))
+        todo = bundles([replace(unit, packets=None) for unit in units], workers)
+        asked = {(unit.sequence, unit.condition): unit for unit in units}
+        waiting = {task.remote(bundle): bundle for bundle in todo}
         while waiting:
             (done, *_), _ = ray.wait(list(waiting), num_returns=1)
-            yield waiting.pop(done), _result(done)
+            for unit, result in zip(waiting.pop(done), _results(done), strict=True):
+                yield asked[unit.sequence, unit.condition], result
 
 
-def _result(reference: Any) -> UnitResult:
+def _resources(ray: Any) -> dict[str, float]:
+    return dict(ray.cluster_resources())
+
+
+def _results(reference: Any) -> tuple[UnitResult, ...]:
     import ray
 
     try:
-        result: UnitResult = ray.get(reference)
+        results: tuple[UnitResult, ...] = ray.get(reference)
     except ray.exceptions.RayTaskError as error:
         raise error.cause if isinstance(error.cause, Exception) else error from None
-    return result
+    return results

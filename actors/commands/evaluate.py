@@ -45,7 +45,8 @@ def evaluate(
     from pipeline.evaluation.measuring.grid import in_processes
     from pipeline.evaluation.run import evaluate as run
 
-    execute = in_processes(workers or os.cpu_count() or 1)
+    workers = workers or os.cpu_count() or 1
+    execute = in_processes(workers)
     if address is not None:
         from actors.evaluation_cluster import on_cluster
 
@@ -53,13 +54,13 @@ def evaluate(
     try:
         # shares: a cell of H.265 takes many times as long as one of H.264
         with progress_bars(None) as progress:
-            finished = run(evaluation, out, execute=execute, progress=progress, say=say)
+            finished = run(evaluation, out, execute=execute, progress=progress, say=say, workers=workers)
     except KeyboardInterrupt:
         raise InterruptedRunError(
             f"interrupted; the same command goes on with what is in {out / 'cache'}"
         ) from None
     say(f"see {finished.report}")
-    say("no pool: it needs timing and transcoding" if finished.pool is None else f"pool: {finished.pool}")
+    say("no pool: it needs timing" if finished.pool is None else f"pool: {finished.pool}")
 
 
 def score(
@@ -69,10 +70,12 @@ def score(
     """AP, AR and LRP of detections that are there already."""
     from pipeline.evaluation.metrics.score import score_files
 
-    classes, sizes = score_files(truth, results)
-    print_table(classes)
+    scored = score_files(truth, results)
+    for line in scored.faults:
+        say(line)
+    print_table(scored.classes)
     typer.echo()
-    print_table(sizes)
+    print_table(scored.sizes)
 
 
 def convert_annotations(

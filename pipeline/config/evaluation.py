@@ -12,7 +12,9 @@ from pipeline.config.units import Bitrate, Fraction, Hertz, PositiveSeconds
 from pipeline.link.codec import Codec
 
 Policy = Literal["refuse", "skip"]
-FaultKind = Literal["missing_image", "outside_box", "duplicate_id", "frame_count", "not_finite"]
+FaultKind = Literal[
+    "missing_image", "outside_box", "duplicate_id", "unknown_category", "frame_count", "not_finite"
+]
 Metric = Literal["ap", "ap50", "ap75", "ar1", "ar10", "ar100", "one_minus_molrp"]
 _ID = r"^[A-Za-z0-9_.-]+$"
 
@@ -21,14 +23,15 @@ class FaultPolicy(Strict):
     """What to do about each kind of fault: refuse the evaluation, or skip what is at fault and count it.
 
     missing_image: an annotation names a picture that is not listed, or a listed file is not there.
-    outside_box: a box reaches more than a pixel out of its picture, or has no area. duplicate_id: of pictures
-    or annotations. frame_count: a video has fewer or more pictures than are annotated. not_finite: a detector
-    returns NaN or an infinite number.
+    outside_box: a box reaches more than a pixel out of its picture, or has no area. duplicate_id: of pictures,
+    annotations or categories. unknown_category: a box is of a category that is not listed. frame_count: a video
+    has fewer or more pictures than are annotated. not_finite: a detector returns NaN or an infinite number.
     """
 
     missing_image: Policy = "refuse"
     outside_box: Policy = "refuse"
     duplicate_id: Policy = "refuse"
+    unknown_category: Policy = "refuse"
     frame_count: Policy = "refuse"
     not_finite: Policy = "refuse"
 

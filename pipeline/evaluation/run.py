@@ -20,7 +20,7 @@ from pipeline.evaluation.measuring.grid_results import GridResults, cells_of, sc
 from pipeline.evaluation.measuring.precision import in_precision
 from pipeline.evaluation.measuring.setup_timing import SetupTiming
 from pipeline.evaluation.measuring.timings import timings_of
-from pipeline.evaluation.measuring.work_unit import Model
+from pipeline.evaluation.measuring.unit import Model
 from pipeline.evaluation.pool.pool_file import write_pool
 from pipeline.evaluation.report.examples import Example, examples
 from pipeline.evaluation.report.provenance import provenance
@@ -32,7 +32,7 @@ from pipeline.storage.whole_or_nothing import write_bytes, write_text
 
 @dataclass(frozen=True, slots=True)
 class Finished:
-    """Where things are. pool: None if the evaluation has no timing or no transcoding."""
+    """Where things are. pool: None if the evaluation has no timing."""
 
     report: Path
     pool: Path | None
@@ -40,12 +40,18 @@ class Finished:
 
 
 def evaluate(
-    path: Path, out: Path, *, execute: Execute, progress: Progress, say: Callable[[str], None]
+    path: Path,
+    out: Path,
+    *,
+    execute: Execute,
+    progress: Progress,
+    say: Callable[[str], None],
+    workers: int = 1,
 ) -> Finished:
     """Measure everything that an evaluation file asks for, and write pool, tables, pictures and report.
 
     out: absent, empty, or of an earlier evaluation, whose finished work in ``cache`` is used again. execute:
-    runs the grid's units. Raises InputError for anything that cannot be used.
+    runs the grid's units. workers: threads for the metrics. Raises InputError for anything that cannot be used.
     """
     started = time.perf_counter()
     evaluation = load_evaluation(path)
@@ -67,7 +73,7 @@ def evaluate(
         for line in faults.lines():
             say(line)
         found = GridResults(evaluation, dataset, grid, by_unit)
-        return _finish(path, out, found, models, timings, faults, spent, progress)
+        return _finish(path, out, found, models, timings, faults, spent, progress, workers)
 
 
 def _check_detectors(evaluation: Evaluation) -> None:
@@ -96,9 +102,10 @@ def _finish(
     faults: FaultLog,
     spent: dict[str, float],
     progress: Progress,
+    workers: int,
 ) -> Finished:
     started = time.perf_counter()
-    cells = cells_of(found, progress)
+    cells = cells_of(found, progress, workers)
     detectors = tuple(
         _detector_file(found, d, m) for d, m in zip(found.evaluation.detectors, models, strict=True)
     )
@@ -140,7 +147,7 @@ def _written(out: Path, results: Results, shown: list[Example], progress: Progre
         write_bytes(out / "pictures" / f"{figure.name}.png", figure.png)
     write_text(out / "cells.csv", cells_csv(results))
     write_text(out / "times.csv", times_csv(results))
-    pool = out / "pool.yaml" if results.timings and results.bitrates_bps else None
+    pool = out / "pool.yaml" if results.timings else None
     if pool is not None:
         write_pool(pool, results)
     write_text(out / "results.json", results.model_dump_json())

@@ -18,8 +18,17 @@ from pipeline.messages import Detections, Message, pack, unpack
 from pipeline.mission.local import process
 from pipeline.mission.planning import plan
 from pipeline.mission.prepared import PreparedMission
+from pipeline.storage.code_digest import code_sha256
 from pipeline.storage.whole_or_nothing import write_bytes
 
+#: the code that boxes depend on
+_CODE = (
+    "pipeline.config.layout",
+    "pipeline.detection",
+    "pipeline.ingest.video",
+    "pipeline.link",
+    "pipeline.mission",
+)
 #: name of what is under way, steps done, steps in all
 Progress = Callable[[str, int, int], None]
 
@@ -62,9 +71,10 @@ def _with_poses(prepared: PreparedMission, results: list[Detections]) -> list[De
 
 
 def _key(prepared: PreparedMission, chosen: Plan) -> str:
-    """Of all that the boxes depend on."""
+    """Of all that the boxes depend on, the code included."""
     links = sorted(prepared.problem.link_bps.items())
     digest = hashlib.sha256(repr((chosen.assignments, links, prepared.mission.processing)).encode())
+    digest.update(code_sha256(*_CODE).encode())
     for s in prepared.streams:
         for path in s.source.paths:
             digest.update(path.read_bytes())

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
 
+import hotcoco
 import numpy as np
-from faster_coco_eval import COCO, COCOeval_faster
 from numpy.typing import NDArray
 
 from pipeline.detection import Detector
@@ -18,8 +17,6 @@ from pipeline.messages import FloatArray
 VISIBLE_MIN = 0.3
 _SIZES = ("small", "medium", "large")
 _AREA_EDGES = (32.0**2, 96.0**2)
-#: in the order in which COCO's evaluation lists them
-_STATISTICS = ("ap", "ap50", "ap75", "ap_small", "ap_medium", "ap_large")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -131,34 +128,35 @@ def people_by_size(seen: list[Seen]) -> dict[str, int]:
 
 def _average_precision(seen: list[Seen]) -> dict[str, float]:
     """AP .5:.95 of all and by size, AP .5 and AP .75; what COCO reports as -1 is NaN."""
-    found = [
-        {"image_id": i, "category_id": 1, "bbox": _xywh(box), "score": float(score)}
-        for i, s in enumerate(seen)
-        for box, score in zip(s.found, s.scores, strict=True)
-    ]
-    if not found:
-        return dict.fromkeys(_STATISTICS, 0.0)
-    truth = COCO(_coco(seen))
-    evaluation = COCOeval_faster(truth, truth.loadRes(found), "bbox", print_function=lambda *_: None)
-    evaluation.run()
-    values = (float(x) if x >= 0.0 else float("nan") for x in evaluation.stats)
-    return dict(zip(_STATISTICS, values, strict=False))
+    image = np.repeat(np.arange(len(seen)), [len(s.true) for s in seen])
+    true = _xywh([s.true for s in seen])
+    truth = hotcoco.COCO.from_arrays(
+        [{"id": i} for i in range(len(seen))],
+        [{"id": 1, "name": "person"}],
+        image,
+        np.ones(len(image), np.int64),
+        true,
+        iscrowd=np.concatenate([s.visible for s in seen]) < VISIBLE_MIN,
+    )
+    scores = np.concatenate([s.scores for s in seen])
+    of_image = np.repeat(np.arange(len(seen)), [len(s.found) for s in seen])
+    found = np.column_stack([of_image, _xywh([s.found for s in seen]), scores, np.ones(len(scores))])
+    evaluation = hotcoco.COCOeval(truth, truth.load_res(found), "bbox")
+    evaluation.evaluate()
+    evaluation.accumulate()
+    assert evaluation.eval is not None
+    # precision (T, R, K, A, M): IoU, recall, category, area, most boxes; -1: no truth
+    precision = evaluation.eval["precision"][:, :, 0, :, -1]
+    whole = {"ap": precision[:, :, 0], "ap50": precision[0, :, 0], "ap75": precision[5, :, 0]}
+    of_sizes = {f"ap_{size}": precision[:, :, a] for a, size in enumerate(_SIZES, 1)}
+    return {name: _known_mean(values) for name, values in (whole | of_sizes).items()}
 
 
-def _coco(seen: list[Seen]) -> dict[str, Any]:
-    annotations = [
-        {"image_id": i, "category_id": 1, "bbox": _xywh(box), "area": _xywh(box)[2] * _xywh(box)[3]}
-        | {"iscrowd": int(share < VISIBLE_MIN), "ignore": int(share < VISIBLE_MIN)}
-        for i, s in enumerate(seen)
-        for box, share in zip(s.true, s.visible, strict=True)
-    ]
-    return {
-        "info": {},
-        "images": [{"id": i, "width": s.size[0], "height": s.size[1]} for i, s in enumerate(seen)],
-        "categories": [{"id": 1, "name": "person"}],
-        "annotations": [a | {"id": i + 1} for i, a in enumerate(annotations)],
-    }
+def _known_mean(values: FloatArray) -> float:
+    known = values[values > -1.0]
+    return float(known.mean()) if known.size else float("nan")
 
 
-def _xywh(box: FloatArray) -> list[float]:
-    return [float(box[0]), float(box[1]), float(box[2] - box[0]), float(box[3] - box[1])]
+def _xywh(boxes: list[FloatArray]) -> FloatArray:
+    xyxy = np.concatenate([np.asarray(b, np.float64).reshape(-1, 4) for b in boxes])
+    return np.hstack([xyxy[:, :2], xyxy[:, 2:] - xyxy[:, :2]])

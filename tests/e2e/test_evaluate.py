@@ -11,6 +11,7 @@ import sys
 import time
 from pathlib import Path
 
+import av
 import pytest
 import yaml
 
@@ -82,6 +83,52 @@ def test_from_an_evaluation_file_to_pool_tables_and_report(small_mission, tmp_pa
     assert [t.machine for t in load_pool(carried).detectors[0].times] == ["workstation", "onboard"]
     assert searchlight(monkeypatch, "pool", "assume", out / "pool.yaml", *slower, "--out", carried) == 2
     assert "carried.yaml: found a file that is there already" in capsys.readouterr().err.replace("\n", "")
+
+
+def stills_of(mission: Path, folder: Path) -> Path:
+    """Every fifteenth frame of the mission's videos as a PNG, with its boxes; the COCO file."""
+    images, marks = [], []
+    for boxes in sorted((mission.parent / "truth").glob("boxes-*.json")):
+        document = json.loads(boxes.read_text())
+        wanted = {int(i["file_name"].partition("#")[2]): i for i in document["images"]}
+        video = mission.parent / document["images"][0]["file_name"].partition("#")[0]
+        with av.open(str(video)) as container:
+            for index, frame in enumerate(container.decode(video=0)):
+                if index % 15 or index not in wanted:
+                    continue
+                name = f"{video.stem}-{index}"
+                frame.to_image().save(folder / f"{name}.png")
+                images.append(wanted[index] | {"id": name, "file_name": f"{name}.png"})
+                marks += [
+                    a | {"id": f"{name}-{a['id']}", "image_id": name}
+                    for a in document["annotations"]
+                    if a["image_id"] == wanted[index]["id"]
+                ]
+    path = folder / "stills.json"
+    categories = [{"id": 1, "name": "person"}]
+    path.write_text(json.dumps({"images": images, "annotations": marks, "categories": categories}))
+    return path
+
+
+def test_stills_give_a_pool_that_says_what_it_takes_for_granted(small_mission, tmp_path, monkeypatch, capsys):
+    labels, out = stills_of(small_mission, tmp_path), tmp_path / "out"
+    file = evaluation(tmp_path, labels, datasets=[{"format": "coco", "path": str(labels)}])
+    document = yaml.safe_load(file.read_text())
+    del document["transcoding"]
+    file.write_text(yaml.safe_dump(document))
+    assert searchlight(monkeypatch, "evaluate", file, "--out", out, "--workers", 1) == 0
+    pool = load_pool(out / "pool.yaml")
+    (detector,) = pool.detectors
+    results = json.loads((out / "results.json").read_text())
+    (cell,) = results["cells"]
+    assert cell["codec"] is None
+    assert detector.accuracy[0].accuracy == pytest.approx(cell["by_size"]["all"]["ap50"], abs=1e-4)
+    assert 0.2 < detector.accuracy[0].accuracy <= 1.0
+    assert {row.size for row in detector.accuracy_by_size} <= {"small", "medium", "large"}
+    assert detector.times[0].machine == "workstation"
+    assert "not of video" in detector.assumed
+    assert pool.assumed == (f"small: {detector.assumed}",)
+    assert "of pictures as they are" in pool.provenance["accuracy"]
 
 
 @pytest.fixture
@@ -171,7 +218,7 @@ def test_a_folder_of_others_is_left_alone(small_mission, tmp_path, monkeypatch, 
 
 
 def test_an_interrupted_evaluation_says_how_it_goes_on(small_mission, tmp_path, monkeypatch, capsys):
-    def interrupted(unit):
+    def interrupted(units):
         raise KeyboardInterrupt
 
     monkeypatch.setattr("pipeline.evaluation.measuring.grid.work", interrupted)
@@ -201,8 +248,8 @@ def parent_of(pid: int) -> int | None:
 
 @pytest.mark.slow
 def test_a_real_interrupt_keeps_what_is_finished_and_a_second_run_at_once_is_refused(small_mission, tmp_path):
-    bitrates = [{"kbps": 100 * k} for k in range(1, 13)]
-    transcoding = {"codecs": ["h264"], "bitrates": bitrates, "width": 512, "height": 288}
+    bitrates = [{"kbps": 100 * k} for k in range(1, 7)]
+    transcoding = {"codecs": ["h264", "vp9"], "bitrates": bitrates, "width": 512, "height": 288}
     file, out = evaluation(tmp_path, small_mission, transcoding=transcoding), tmp_path / "out"
     document = yaml.safe_load(file.read_text())
     del document["timing"]

@@ -13,7 +13,8 @@ import pytest
 
 from actors.evaluation_cluster import on_cluster
 from pipeline.errors import InputError
-from pipeline.evaluation.measuring.work_unit import Condition, Model, Unit, work
+from pipeline.evaluation.measuring.unit import Condition, Model, Unit
+from pipeline.evaluation.measuring.work_unit import work
 
 NANO = Path(__file__).resolve().parents[2] / "configs/detectors/nano.onnx"
 
@@ -46,7 +47,7 @@ def test_units_on_ray_give_what_one_process_gives_and_their_errors_come_back(sma
         score_cutoff=0.05,
     )
     units = [unit, replace(unit, condition=Condition())]
-    here = {u.condition: work(u) for u in units}
+    here = {u.condition: result for u, result in zip(units, work(tuple(units)), strict=True)}
     for done, result in on_cluster(None)(units):
         alone = here[done.condition]
         assert result.total_bytes == alone.total_bytes

@@ -11,7 +11,9 @@ from typing import Any
 import numpy as np
 
 from pipeline.errors import InputError
-from pipeline.evaluation.datasets.coco_format import CocoDocument, CocoImage, parsed, validated
+from pipeline.evaluation.datasets.coco_format import CocoDocument, CocoId, parsed, validated
+from pipeline.evaluation.datasets.coco_pictures import CocoPicture, pictures_of
+from pipeline.evaluation.datasets.coco_rows import in_order, listed, places, unique
 from pipeline.evaluation.datasets.dataset import DataSet, Picture, Sequence, sha256_of_file, sha256_of_texts
 from pipeline.evaluation.datasets.fault_log import FaultLog
 from pipeline.evaluation.metrics.boxes import true_boxes
@@ -34,17 +36,6 @@ class CocoOptions:
     simulated: bool
 
 
-@dataclass(frozen=True, slots=True)
-class _Place:
-    """A listed picture: which sequence, which frame of it, which file."""
-
-    image: CocoImage
-    sequence: str
-    frame: int
-    file: Path
-    in_video: bool
-
-
 def read_coco(path: Path, options: CocoOptions, faults: FaultLog) -> DataSet:
     """The data set of a COCO JSON file. Raises InputError for what cannot be read, or is refused."""
     return dataset_of(parsed(path), path, options, faults, sha256_of_file(path))
@@ -53,75 +44,29 @@ def read_coco(path: Path, options: CocoOptions, faults: FaultLog) -> DataSet:
 def dataset_of(document: Any, where: Path, options: CocoOptions, faults: FaultLog, sha256: str) -> DataSet:
     """The data set of a COCO document. where: for messages. sha256: of the annotations."""
     coco = validated(document, where)
-    images = _unique(coco.images, where, "images", faults)
-    places = _places(list(images.values()), coco, where, options, faults)
-    places.sort(key=lambda p: (p.sequence, p.frame))
-    pictures = tuple(_picture(p) for p in places)
-    sequences = _sequences(places, where, options)
-    places, pictures, sequences = _within_videos(places, pictures, sequences, options, where, faults)
-    number = {p.image.id: k for k, p in enumerate(places)}
+    images = unique(coco.images, where, "images", faults)
+    found = pictures_of(in_order(images), coco, where, options.root, options.frame_rate is None, faults)
+    pictures = tuple(_picture(p) for p in found)
+    sequences = _sequences(found, where, options)
+    found, pictures, sequences = _within_videos(found, pictures, sequences, options, where, faults)
+    number = {p.id: k for k, p in enumerate(found)}
     truth = _truth(coco, images, number, where, options, faults)
     sequences = tuple(replace(q, sha256=_sha256_of_files(q)) for q in sequences)
     digest = sha256_of_texts([sha256, *(q.sha256 for q in sequences)])
     return DataSet(pictures, sequences, truth, digest, options.simulated)
 
 
-def _unique(rows: tuple[Any, ...], where: Path, kind: str, faults: FaultLog) -> dict[int, Any]:
-    """The rows by id."""
-    found: dict[int, Any] = {}
-    for k, row in enumerate(rows):
-        if row.id in found:
-            faults.report("duplicate_id", f"{where} {kind}.{k}.id", f"{row.id} again", "every id once")
-        else:
-            found[row.id] = row
-    return found
-
-
-def _places(
-    images: list[CocoImage], coco: CocoDocument, where: Path, options: CocoOptions, faults: FaultLog
-) -> list[_Place]:
-    videos = {v.id: v.name for v in coco.videos}
-    places, missing = [], set()
-    for image in images:
-        place = _place(image, videos, where, options)
-        if place.file in missing or not place.file.is_file():
-            missing.add(place.file)
-            at = f"{where} images.id={image.id}.file_name"
-            faults.report(
-                "missing_image", at, f"{image.file_name}, which is not there", f"a file in {options.root}"
-            )
-        else:
-            places.append(place)
-    return places
-
-
-def _place(image: CocoImage, videos: dict[int, str], where: Path, options: CocoOptions) -> _Place:
-    name, mark, frame = image.file_name.rpartition("#")
-    if mark and frame.isdigit():
-        return _Place(image, Path(name).stem, int(frame), options.root / name, True)
-    file = options.root / image.file_name
-    if image.video_id is not None:
-        if image.video_id not in videos or image.frame_id is None:
-            at = f"{where} images.id={image.id}.video_id"
-            raise InputError(at, repr(image.video_id), "an id in videos, and a frame_id")
-        return _Place(image, videos[image.video_id], image.frame_id, file, False)
-    # with a frame rate a folder is a sequence, without one every picture stands alone
-    alone = options.frame_rate is None
-    sequence = image.file_name if alone else Path(image.file_name).parent.name or "images"
-    return _Place(image, sequence, image.id, file, False)
-
-
-def _picture(place: _Place) -> Picture:
-    image, context = place.image, place.image.context
+def _picture(place: CocoPicture) -> Picture:
+    context = place.image.context
     expected = (
         None
         if context is None
         else expected_person_px(context.height_m, math.radians(context.pitch_deg), context.focal_px)
     )
-    return Picture(place.frame, image.width, image.height, expected)
+    return Picture(place.frame, place.width, place.height, expected)
 
 
-def _sequences(places: list[_Place], where: Path, options: CocoOptions) -> tuple[Sequence, ...]:
+def _sequences(places: list[CocoPicture], where: Path, options: CocoOptions) -> tuple[Sequence, ...]:
     sequences: list[Sequence] = []
     first = 0
     for _, group in groupby(places, key=lambda p: p.sequence):
@@ -131,9 +76,9 @@ def _sequences(places: list[_Place], where: Path, options: CocoOptions) -> tuple
     return tuple(sequences)
 
 
-def _sequence(places: list[_Place], first: int, where: Path, options: CocoOptions) -> Sequence:
+def _sequence(places: list[CocoPicture], first: int, where: Path, options: CocoOptions) -> Sequence:
     name, files = places[0].sequence, tuple(dict.fromkeys(p.file for p in places))
-    sizes = {(p.image.width, p.image.height) for p in places}
+    sizes = {(p.width, p.height) for p in places}
     if not places[0].in_video:
         if options.frame_rate is not None and len(sizes) > 1:
             raise InputError(
@@ -160,13 +105,13 @@ def _sequence(places: list[_Place], first: int, where: Path, options: CocoOption
 
 
 def _within_videos(
-    places: list[_Place],
+    places: list[CocoPicture],
     pictures: tuple[Picture, ...],
     sequences: tuple[Sequence, ...],
     options: CocoOptions,
     where: Path,
     faults: FaultLog,
-) -> tuple[list[_Place], tuple[Picture, ...], tuple[Sequence, ...]]:
+) -> tuple[list[CocoPicture], tuple[Picture, ...], tuple[Sequence, ...]]:
     """Without the pictures beyond their video's end; files are numbered by their place in the sequence."""
     kept: list[int] = []
     frames: dict[int, int] = {}
@@ -201,26 +146,21 @@ def _check_frame_count(sequence: Sequence, frames: list[int], where: Path, fault
 
 def _truth(
     coco: CocoDocument,
-    images: dict[int, CocoImage],
-    number: dict[int, int],
+    images: dict[CocoId, Any],
+    number: dict[CocoId, int],
     where: Path,
     options: CocoOptions,
     faults: FaultLog,
 ) -> Any:
-    persons = _person_ids(coco, where, options)
-    rows = []
-    annotations = _unique(coco.annotations, where, "annotations", faults)
-    for a in annotations.values():
-        at = f"{where} annotations.id={a.id}"
-        if a.image_id not in images:
-            faults.report(
-                "missing_image", f"{at}.image_id", f"{a.image_id}, no listed picture", "an id in images"
-            )
-        elif a.category_id in persons and a.image_id in number:
-            image = images[a.image_id]
-            box = _inside(a.bbox, image.width, image.height)
+    persons, rows = _person_ids(coco, where, options), []
+    categories = unique(coco.categories, where, "categories", faults)
+    annotations = places(coco.annotations, where, faults)
+    for at, a in listed(annotations, images, categories, faults):
+        if a.category_id in persons and a.image_id in number:
+            width, height = images[a.image_id].width, images[a.image_id].height
+            box = _inside(a.bbox, width, height)
             if box != a.bbox:
-                found = f"{list(a.bbox)}, not within {image.width} x {image.height}"
+                found = f"{list(a.bbox)}, not within {width} x {height}"
                 faults.report("outside_box", f"{at}.bbox", found, "x, y, width, height inside the picture")
             if box is not None:
                 whole = a.area is not None and box == a.bbox
@@ -230,15 +170,11 @@ def _truth(
     return true_boxes(*zip(*rows, strict=True)) if rows else true_boxes([], [], [])
 
 
-def _person_ids(coco: CocoDocument, where: Path, options: CocoOptions) -> set[int]:
+def _person_ids(coco: CocoDocument, where: Path, options: CocoOptions) -> set[CocoId]:
     ids = {c.id for c in coco.categories if c.name in options.categories}
     if not ids:
         names = ", ".join(c.name for c in coco.categories)
         raise InputError(f"{where} categories", names or "none", "one of " + ", ".join(options.categories))
-    unknown = {a.category_id for a in coco.annotations} - {c.id for c in coco.categories}
-    if unknown:
-        at = next(a.id for a in coco.annotations if a.category_id in unknown)
-        raise InputError(f"{where} annotations.id={at}.category_id", str(min(unknown)), "an id in categories")
     return ids
 
 

@@ -13,6 +13,7 @@ LEFT_OUT: dict[FaultKind, str] = {
     "missing_image": "annotations or pictures left out",
     "outside_box": "boxes cut to the picture, or left out where nothing is left",
     "duplicate_id": "all but the first left out",
+    "unknown_category": "boxes left out",
     "frame_count": "pictures beyond the video left out",
     "not_finite": "detections left out",
 }

@@ -1,4 +1,4 @@
-"""Finished work, kept by what it was made from: the same content is never worked on twice."""
+"""Finished work, kept by what it was made from and by which code: the same is never worked on twice."""
 
 from __future__ import annotations
 
@@ -14,11 +14,22 @@ import av
 import numpy as np
 import onnxruntime
 
-from pipeline.evaluation.measuring.work_unit import Found, Model, Unit, UnitResult
+from pipeline.evaluation.measuring.unit import Model, Unit
+from pipeline.evaluation.measuring.work_unit import Found, UnitResult
+from pipeline.storage.code_digest import code_sha256
 from pipeline.storage.whole_or_nothing import write_bytes
 
-#: changes when the same input would give another result
-_FORMAT = 1
+#: the code that encoded streams depend on, and that which what was found depends on as well
+_STREAM_CODE = (
+    "pipeline.evaluation.measuring.transcoding",
+    "pipeline.ingest.video",
+    "pipeline.link.codec",
+)
+_FOUND_CODE = (
+    "pipeline.config.layout",
+    "pipeline.detection",
+    "pipeline.evaluation.measuring.work_unit",
+)
 
 
 class Cache:
@@ -68,13 +79,14 @@ class Cache:
             "provider": model.provider,
             "onnxruntime": onnxruntime.__version__,
             "score_cutoff": unit.score_cutoff,
+            "found_code": code_sha256(*_FOUND_CODE),
         }
         return self._folder / "found" / f"{_digest(key)}.npz"
 
 
 def _stream_key(unit: Unit, source_sha256: str) -> dict[str, Any]:
     return {
-        "format": _FORMAT,
+        "code": code_sha256(*_STREAM_CODE),
         "source": source_sha256,
         "kept": unit.kept,
         "rate": unit.frame_rate_hz,

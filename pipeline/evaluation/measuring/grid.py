@@ -17,17 +17,16 @@ from pipeline.config.evaluation import Evaluation
 from pipeline.errors import InputError, RunFailedError
 from pipeline.evaluation.datasets.dataset import DataSet, Sequence, kept_frames, sampled_pictures
 from pipeline.evaluation.datasets.fault_log import FaultLog
+from pipeline.evaluation.measuring.bundles import Bundle, bundles, cost
 from pipeline.evaluation.measuring.cache import Cache
-from pipeline.evaluation.measuring.work_unit import Condition, Model, Unit, UnitResult, work
+from pipeline.evaluation.measuring.unit import Condition, Model, Unit
+from pipeline.evaluation.measuring.work_unit import UnitResult, work
 from pipeline.link.codec import available_codecs
 
 #: runs units somewhere and yields them with their results as they are finished
 Execute = Callable[[list[Unit]], Iterator[tuple[Unit, UnitResult]]]
 #: name of what is under way, done, in all, a note
 Progress = Callable[[str, int, int, str], None]
-#: about how many ms of one core a frame costs at 1024x576, for the order of work and the time that remains
-_FRAME_MS = {None: 1.0, "h264": 5.0, "h265": 28.0, "vp9": 14.0, "av1": 12.0}
-_LOOK_MS = 25.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,8 +124,7 @@ def run_grid(
                 cache.packets(unit, source[unit.sequence]) if keep_streams and unit.condition.codec else None
             )
             todo.append(replace(unit, models=absent, packets=packets))
-    todo.sort(key=_cost, reverse=True)
-    total, done = sum(map(_cost, grid.units)), sum(map(_cost, grid.units)) - sum(map(_cost, todo))
+    total, done = sum(map(cost, grid.units)), sum(map(cost, grid.units)) - sum(map(cost, todo))
     progress("grid", done, total, f"{len(todo)} of {len(grid.units)} to do")
     left = len(todo)
     for unit, result in execute(todo) if todo else ():
@@ -135,7 +133,7 @@ def run_grid(
         for part, seconds in result.seconds.items():
             if spent is not None:
                 spent[part] = spent.get(part, 0.0) + seconds
-        done, left = done + _cost(unit), left - 1
+        done, left = done + cost(unit), left - 1
         progress("grid", done, total, f"{left} of {len(grid.units)} to do")
     return results
 
@@ -159,30 +157,25 @@ def _take(
     results[key] = result if known is None else replace(result, found=known.found | result.found)
 
 
-def _cost(unit: Unit) -> int:
-    """Milliseconds, roughly."""
-    encoded = len(unit.kept) * _FRAME_MS[unit.condition.codec]
-    return max(1, round(encoded + len(unit.looked) * len(unit.models) * _LOOK_MS))
-
-
 def in_processes(workers: int) -> Execute:
-    """Units run in so many processes of this machine, each unit in one thread."""
+    """Units run in so many processes of this machine, each bundle of them in one thread."""
     return partial(_in_processes, workers)
 
 
 def _in_processes(workers: int, units: list[Unit]) -> Iterator[tuple[Unit, UnitResult]]:
+    todo = bundles(units, workers)
     if workers == 1:
-        for unit in units:
-            yield unit, work(unit)
+        for bundle in todo:
+            yield from zip(bundle, work(bundle), strict=True)
         return
     context = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(workers, context, initializer=_obey_the_parent)
     try:
-        waiting: dict[Future[UnitResult], Unit] = {pool.submit(work, unit): unit for unit in units}
+        waiting: dict[Future[tuple[UnitResult, ...]], Bundle] = {pool.submit(work, b): b for b in todo}
         while waiting:
             finished, _ = wait(waiting, return_when=FIRST_COMPLETED)
             for future in finished:
-                yield waiting.pop(future), future.result()
+                yield from zip(waiting.pop(future), future.result(), strict=True)
     except BrokenProcessPool:
         raise RunFailedError(
             "a process of the grid died, perhaps for lack of memory: try fewer --workers"

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -12,7 +13,8 @@ from pipeline.config.evaluation import Evaluation
 from pipeline.config.pool import Calibration
 from pipeline.evaluation.datasets.dataset import DataSet, scaled
 from pipeline.evaluation.measuring.grid import Grid
-from pipeline.evaluation.measuring.work_unit import Condition, UnitResult
+from pipeline.evaluation.measuring.unit import Condition
+from pipeline.evaluation.measuring.work_unit import UnitResult
 from pipeline.evaluation.metrics.bootstrap import drawn_weights
 from pipeline.evaluation.metrics.boxes import FoundBoxes, IntArray, found_boxes, true_boxes
 from pipeline.evaluation.metrics.cell import Cell, Sample, measure, only
@@ -90,26 +92,33 @@ def _blocks(evaluation: Evaluation, dataset: DataSet) -> IntArray:
     return blocks
 
 
-def cells_of(results: GridResults, progress: Callable[[str, int, int, str], None]) -> tuple[Cell, ...]:
-    """Every detector under every condition."""
+def cells_of(
+    results: GridResults, progress: Callable[[str, int, int, str], None], workers: int = 1
+) -> tuple[Cell, ...]:
+    """Every detector under every condition; so many at once."""
     jobs = [(d.id, c) for d in results.evaluation.detectors for c in results.grid.conditions]
+    _ = results.sample  # made once, before the threads want it
     cells = []
-    for k, (detector, condition) in enumerate(jobs):
-        progress("metrics", k, len(jobs), detector)
-        found = results.found(detector, condition)
-        cells.append(
-            Cell(
-                detector=detector,
-                codec=condition.codec,
-                bitrate_bps=condition.bitrate_bps,
-                **_link(results, condition),
-                pictures=results.sample.images,
-                **measure(results.sample, found, results.evaluation.score_cutoff),
-                not_finite=sum(part.found[detector].not_finite for part in results.parts(condition)),
-            )
-        )
+    # threads: the kernels and the library of COCO's metrics let others work meanwhile
+    with ThreadPoolExecutor(workers) as pool:
+        for k, cell in enumerate(pool.map(partial(_cell, results), *zip(*jobs, strict=True))):
+            progress("metrics", k, len(jobs), cell.detector)
+            cells.append(cell)
     progress("metrics", len(jobs), len(jobs), "")
     return tuple(cells)
+
+
+def _cell(results: GridResults, detector: str, condition: Condition) -> Cell:
+    found = results.found(detector, condition)
+    return Cell(
+        detector=detector,
+        codec=condition.codec,
+        bitrate_bps=condition.bitrate_bps,
+        **_link(results, condition),
+        pictures=results.sample.images,
+        **measure(results.sample, found, results.evaluation.score_cutoff),
+        not_finite=sum(part.found[detector].not_finite for part in results.parts(condition)),
+    )
 
 
 def _link(results: GridResults, condition: Condition) -> dict[str, float | None]:

@@ -16,13 +16,17 @@ from numpy.typing import NDArray
 from pipeline.config.evaluation import Evaluation, Setup, Timing
 from pipeline.evaluation.measuring.grid import Grid, Progress
 from pipeline.evaluation.measuring.setup_timing import SetupTiming, time_setup
-from pipeline.evaluation.measuring.work_unit import Model, first_pictures
+from pipeline.evaluation.measuring.unit import Model
+from pipeline.evaluation.measuring.work_unit import first_pictures
 from pipeline.evaluation.report.provenance import machine_name
+from pipeline.storage.code_digest import code_sha256
 from pipeline.storage.whole_or_nothing import write_text
 
 _PICTURES = 12
 #: the paper's cut-off: a lower one would time boxes that nobody asks for
 _USUAL_CUTOFF = 0.3
+#: the code that times depend on
+_CODE = ("pipeline.config.layout", "pipeline.detection", "pipeline.evaluation.measuring.setup_timing")
 
 
 def timings_of(
@@ -33,13 +37,18 @@ def timings_of(
     if asked is None:
         return ()
     jobs = [(model, setup) for model in models for setup in asked.setups]
-    images: list[NDArray[np.uint8]] = []
+    images = [] if evaluation.transcoding else _pictures(grid)
+    sizes = (
+        [evaluation.transcoding.width, evaluation.transcoding.height]
+        if evaluation.transcoding
+        else _sizes(images)
+    )
     timings: list[SetupTiming] = []
     for k, (model, setup) in enumerate(jobs):
         say = partial(_say, progress, k, len(jobs), f"{model.id} on {setup.machine}")
-        kept = folder / f"{_key(evaluation, asked, setup, model)}.json"
+        kept = folder / f"{_key(sizes, asked, setup, model)}.json"
         if not kept.is_file():
-            images = images or first_pictures(grid.units[0], _PICTURES)
+            images = images or _pictures(grid)
             measured = _measured(evaluation, asked, setup, model, images, say)
             folder.mkdir(parents=True, exist_ok=True)
             write_text(kept, measured.model_dump_json())
@@ -47,6 +56,19 @@ def timings_of(
         timings.append(known.model_copy(update={"detector": model.id, "machine": setup.machine}))
     progress("setups", len(jobs), len(jobs), "")
     return tuple(timings)
+
+
+def _pictures(grid: Grid) -> list[NDArray[np.uint8]]:
+    """The first pictures as they are, of as many sequences as it needs."""
+    images: list[NDArray[np.uint8]] = []
+    for unit in grid.units:
+        if unit.condition.codec is None and len(images) < _PICTURES:
+            images += first_pictures(unit, _PICTURES - len(images))
+    return images
+
+
+def _sizes(images: list[NDArray[np.uint8]]) -> list[int]:
+    return [length for image in images for length in image.shape[:2]]
 
 
 def _say(progress: Progress, done: int, total: int, what: str, step: str) -> None:
@@ -74,14 +96,14 @@ def _measured(
     )
 
 
-def _key(evaluation: Evaluation, asked: Timing, setup: Setup, model: Model) -> str:
-    size = evaluation.transcoding and (evaluation.transcoding.width, evaluation.transcoding.height)
+def _key(sizes: list[int], asked: Timing, setup: Setup, model: Model) -> str:
     parts = [
         model.sha256,
         setup.model_dump(exclude={"machine"}),
         asked.model_dump(exclude={"setups"}),
-        size,
+        sizes,
         onnxruntime.__version__,
+        code_sha256(*_CODE),
         machine_name(),
         os.cpu_count(),
     ]

@@ -1,74 +1,24 @@
-"""The unit of work: one sequence under one codec and bitrate, looked at by every detector."""
+"""What is done for units of work: encode, decode and detect."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
 from itertools import islice
 from pathlib import Path
 from typing import cast
 
-import av
 import numpy as np
-from av.video.frame import VideoFrame
 from numpy.typing import NDArray
 
 from pipeline.detection import Detector, load_detector
-from pipeline.errors import InputError
-from pipeline.evaluation.measuring.packet_file import read_packets, writing_packets
+from pipeline.evaluation.measuring.meter import Meter
+from pipeline.evaluation.measuring.transcoding import looked_at
+from pipeline.evaluation.measuring.unit import Unit
 from pipeline.evaluation.metrics.boxes import IntArray
 from pipeline.evaluation.metrics.matching import MOST_FOUND
-from pipeline.ingest.video.file import decoded_frames
-from pipeline.link.codec import Codec, Decoder, Encoder
 from pipeline.messages import FloatArray
-
-
-@dataclass(frozen=True, slots=True)
-class Condition:
-    """codec, bitrate_bps: what the pictures went through; None: they are looked at as they are."""
-
-    codec: Codec | None = None
-    bitrate_bps: float | None = None
-
-    def __str__(self) -> str:
-        if self.codec is None or self.bitrate_bps is None:
-            return "source"
-        return f"{self.codec} at {self.bitrate_bps / 1e3:g} kbps"
-
-
-@dataclass(frozen=True, slots=True)
-class Model:
-    """An open-able detector. sha256: of the file."""
-
-    id: str
-    path: Path
-    sha256: str
-    provider: str = "cpu"
-
-
-@dataclass(frozen=True, slots=True)
-class Unit:
-    """All that a process needs to know; it can be sent anywhere where the files are.
-
-    kept: frames that are encoded, rising. looked: frame -> number of the picture. size: width, height of the
-    encoded picture, None: as it is. keyframe_interval: frames. packets: where the encoded stream is kept.
-    """
-
-    sequence: str
-    files: tuple[Path, ...]
-    is_video: bool
-    frame_rate_hz: float
-    kept: tuple[int, ...]
-    looked: dict[int, int]
-    size: tuple[int, int] | None
-    condition: Condition
-    keyframe_interval: int
-    models: tuple[Model, ...]
-    score_cutoff: float
-    packets: Path | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,129 +46,42 @@ class UnitResult:
     found: dict[str, Found]
 
 
-@dataclass
-class _Meter:
-    """Bytes, and seconds by what they were spent on."""
+def work(units: tuple[Unit, ...]) -> tuple[UnitResult, ...]:
+    """Encode, decode and detect for units of one sequence, whose source is decoded once.
 
-    total_bytes: int = 0
-    largest: int = 0
-    seconds: dict[str, float] = field(default_factory=dict)
-
-    def count(self, data: bytes) -> None:
-        self.total_bytes += len(data)
-        self.largest = max(self.largest, len(data))
-
-    @contextmanager
-    def spending(self, part: str) -> Iterator[None]:
-        started = time.perf_counter()
-        try:
-            yield
-        finally:
-            self.seconds[part] = self.seconds.get(part, 0.0) + time.perf_counter() - started
-
-    def timed(self, part: str, data: Iterator[bytes]) -> Iterator[bytes]:
-        """The same, and how long each takes to come counts as spent on the part."""
-        while True:
-            with self.spending(part):
-                item = next(data, None)
-            if item is None:
-                return
-            yield item
-
-
-def work(unit: Unit) -> UnitResult:
-    """Encode, decode and detect. Raises InputError for files that cannot be read or encoded."""
-    started, meter = time.perf_counter(), _Meter()
-    with meter.spending("load"):
-        scanners = {m.id: _Scanner(_opened(m.path, m.provider, unit.score_cutoff)) for m in unit.models}
-    for frame, picture in _looked_at(unit, meter):
-        image = cast("NDArray[np.uint8]", frame.to_ndarray(format="rgb24"))
-        for scanner in scanners.values():
-            with meter.spending("detect"):
+    Raises InputError for files that cannot be read or encoded.
+    """
+    started, meters = time.perf_counter(), [Meter() for _ in units]
+    scanners = [_scanners(unit, meter) for unit, meter in zip(units, meters, strict=True)]
+    for k, frame, picture in looked_at(units, meters):
+        with meters[k].spending("convert"):
+            image = cast("NDArray[np.uint8]", frame.to_ndarray(format="rgb24"))
+        for scanner in scanners[k].values():
+            with meters[k].spending("detect"):
                 scanner.look(image, picture)
-    meter.seconds["other"] = time.perf_counter() - started - sum(meter.seconds.values())
-    found = {name: scanner.found() for name, scanner in scanners.items()}
-    return UnitResult(meter.total_bytes, meter.largest, len(unit.kept), meter.seconds, found)
+    rest = time.perf_counter() - started - sum(sum(meter.seconds.values()) for meter in meters)
+    results = []
+    for unit, meter, own in zip(units, meters, scanners, strict=True):
+        meter.spend("other", rest / len(units))
+        found = {name: scanner.found() for name, scanner in own.items()}
+        results.append(UnitResult(meter.total_bytes, meter.largest, len(unit.kept), meter.seconds, found))
+    return tuple(results)
+
+
+def _scanners(unit: Unit, meter: Meter) -> dict[str, _Scanner]:
+    with meter.spending("load"):
+        return {m.id: _Scanner(_opened(m.path, m.provider, unit.score_cutoff)) for m in unit.models}
 
 
 def first_pictures(unit: Unit, count: int) -> list[NDArray[np.uint8]]:
     """The first pictures that are looked at, uint8 (H, W, 3) RGB, as a detector gets them."""
-    frames = islice(_looked_at(unit, _Meter()), count)
-    return [cast("NDArray[np.uint8]", frame.to_ndarray(format="rgb24")) for frame, _ in frames]
+    frames = islice(looked_at((unit,), [Meter()]), count)
+    return [cast("NDArray[np.uint8]", frame.to_ndarray(format="rgb24")) for _, frame, _ in frames]
 
 
 @lru_cache(maxsize=32)
 def _opened(path: Path, provider: str, score_cutoff: float) -> Detector:
     return load_detector(path, score_threshold=score_cutoff, provider=provider)
-
-
-def _looked_at(unit: Unit, meter: _Meter) -> Iterator[tuple[VideoFrame, int]]:
-    """The frames to look at, as they come out of the decoder, with their pictures' numbers."""
-    if unit.condition.codec is None:
-        for index, frame in _source(unit, meter):
-            if index in unit.looked:
-                yield frame, unit.looked[index]
-        return
-    decoder = Decoder(unit.condition.codec)
-    for index, data in zip(unit.kept, _packets(unit, meter), strict=True):
-        meter.count(data)
-        with meter.spending("decode"):
-            frame = decoder.decode_frame(data)
-        if index in unit.looked:
-            yield frame, unit.looked[index]
-
-
-def _packets(unit: Unit, meter: _Meter) -> Iterator[bytes]:
-    if unit.packets is not None and unit.packets.is_file():
-        yield from meter.timed("read", read_packets(unit.packets))
-    elif unit.packets is None:
-        yield from _encoded(unit, meter)
-    else:
-        with writing_packets(unit.packets) as write:
-            for data in _encoded(unit, meter):
-                with meter.spending("write"):
-                    write(data)
-                yield data
-
-
-def _encoded(unit: Unit, meter: _Meter) -> Iterator[bytes]:
-    encoder: Encoder | None = None
-    codec, bitrate_bps = unit.condition.codec, unit.condition.bitrate_bps
-    assert codec is not None
-    assert bitrate_bps is not None
-    for number, (_, frame) in enumerate(_source(unit, meter)):
-        if encoder is None:
-            encoder = Encoder(
-                codec, frame.width, frame.height, unit.frame_rate_hz, bitrate_bps, unit.keyframe_interval
-            )
-        with meter.spending("encode"):
-            encoded = encoder.encode_frame(frame, number)
-        yield encoded.data
-
-
-def _source(unit: Unit, meter: _Meter) -> Iterator[tuple[int, VideoFrame]]:
-    """The kept frames of the sequence, yuv420p in the wanted size, with their numbers."""
-    kept = frozenset(unit.kept)
-    frames = decoded_frames(unit.files[0]) if unit.is_video else map(_image, unit.files)
-    last, index = unit.kept[-1], 0
-    while index <= last:
-        with meter.spending("source"):
-            frame = next(frames)
-            if index in kept:
-                width, height = unit.size or (frame.width, frame.height)
-                wanted = "yuv420p" if unit.condition.codec else frame.format.name
-                frame = frame.reformat(width, height, wanted, interpolation="AREA")
-        if index in kept:
-            yield index, frame
-        index += 1
-
-
-def _image(file: Path) -> VideoFrame:
-    try:
-        with av.open(str(file)) as container:
-            return next(container.decode(video=0))
-    except (av.FFmpegError, OSError, StopIteration, IndexError):
-        raise InputError(file, "a file that is not an image", "a JPEG, PNG or BMP image") from None
 
 
 class _Scanner:

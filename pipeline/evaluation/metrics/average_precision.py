@@ -1,11 +1,11 @@
-"""COCO's average precision and recall, by faster-coco-eval."""
+"""COCO's average precision and recall, by hotcoco: the fastest that was measured, equal to pycocotools'."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
-from faster_coco_eval import COCO, COCOeval_faster
+import hotcoco
+import numpy as np
 
 from pipeline.evaluation.metrics.boxes import FoundBoxes, TrueBoxes
 from pipeline.evaluation.metrics.matching import AREAS, Size
@@ -41,16 +41,20 @@ class CocoResult:
 
 def coco_precision(true: TrueBoxes, found: FoundBoxes, images: int, categories: list[int]) -> CocoResult:
     """AP and AR over pictures 0 .. images - 1, by COCO's rules."""
-    truth = COCO(_truth(true, images, categories))
-    # the library cannot load a list without a box
-    results = (
-        truth.loadRes(_results(found))
-        if len(found)
-        else COCO(_truth(true.rows(true.image < 0), images, categories))
+    truth = hotcoco.COCO.from_arrays(
+        [{"id": i} for i in range(images)],
+        [{"id": c, "name": str(c)} for c in categories],
+        true.image,
+        true.category,
+        true.bbox,
+        area=true.area,
+        iscrowd=true.crowd,
     )
-    evaluation = COCOeval_faster(truth, results, "bbox", print_function=lambda *_: None)
+    columns = (found.image, found.bbox, found.score, found.category)
+    evaluation = hotcoco.COCOeval(truth, truth.load_res(np.column_stack(columns)), "bbox")
     evaluation.evaluate()
     evaluation.accumulate()
+    assert evaluation.eval is not None
     # precision (T, R, K, A, M), recall (T, K, A, M): IoU, recall, category, area, most boxes; -1: no truth
     precision, recall = evaluation.eval["precision"], evaluation.eval["recall"]
     return CocoResult(
@@ -73,30 +77,3 @@ def _of_size(precision: FloatArray, recall: FloatArray) -> Precision:
 def _mean(values: FloatArray) -> float:
     known = values[values > -1.0]
     return float(known.mean()) if known.size else float("nan")
-
-
-def _truth(true: TrueBoxes, images: int, categories: list[int]) -> dict[str, Any]:
-    columns = zip(
-        true.image.tolist(),
-        true.category.tolist(),
-        true.bbox.tolist(),
-        true.area.tolist(),
-        true.crowd.tolist(),
-        strict=True,
-    )
-    return {
-        "info": {},
-        "images": [{"id": i} for i in range(images)],
-        "categories": [{"id": c} for c in categories],
-        "annotations": [
-            {"id": k, "image_id": i, "category_id": c, "bbox": b, "area": a, "iscrowd": int(crowd)}
-            for k, (i, c, b, a, crowd) in enumerate(columns, 1)
-        ],
-    }
-
-
-def _results(found: FoundBoxes) -> list[dict[str, Any]]:
-    columns = zip(
-        found.image.tolist(), found.category.tolist(), found.bbox.tolist(), found.score.tolist(), strict=True
-    )
-    return [{"image_id": i, "category_id": c, "bbox": b, "score": s} for i, c, b, s in columns]

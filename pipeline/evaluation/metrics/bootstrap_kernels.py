@@ -13,7 +13,7 @@ _RECALLS = np.linspace(0.0, 1.0, 101)
 _TINY = np.spacing(1.0)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def weighted_precision(
     right: NDArray[np.bool_], ignored: NDArray[np.bool_], weight: FloatArray, total: float
 ) -> tuple[float, float]:

@@ -104,10 +104,8 @@ def _starts(category: IntArray, image: IntArray) -> IntArray:
 
 def _groups(found: FoundBoxes, true: TrueBoxes) -> tuple[IntArray, IntArray]:
     """Bounds (G + 1,) of the found and of the true boxes of each picture and category; both are sorted."""
-    pairs = np.concatenate(
-        [np.column_stack([found.category, found.image]), np.column_stack([true.category, true.image])]
-    )
-    _, group = np.unique(pairs, axis=0, return_inverse=True)
-    group = group.reshape(-1)
+    images = 1 + max(int(found.image.max(initial=0)), int(true.image.max(initial=0)))
+    keys = np.concatenate([b.category * images + b.image for b in (found, true)])
+    _, group = np.unique(keys, return_inverse=True)
     edges = np.arange(int(group.max(initial=-1)) + 2)
     return np.searchsorted(group[: len(found)], edges), np.searchsorted(group[len(found) :], edges)

@@ -12,7 +12,7 @@ from pipeline.messages import FloatArray
 _BELOW_ONE = 1.0 - 1e-10
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def overlap(found: FloatArray, true: FloatArray, crowd: bool) -> float:
     """IoU of two boxes (4,) x, y, width, height; of the found box's area alone in a crowd."""
     width = min(found[0] + found[2], true[0] + true[2]) - max(found[0], true[0])
@@ -24,7 +24,7 @@ def overlap(found: FloatArray, true: FloatArray, crowd: bool) -> float:
     return shared / (area if crowd else area + true[2] * true[3] - shared)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def assign(
     found: FloatArray,
     found_starts: NDArray[np.int64],

@@ -2,14 +2,26 @@
 
 from __future__ import annotations
 
-import json
 import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from pipeline.config.evaluation import FaultPolicy
 from pipeline.errors import InputError
+from pipeline.evaluation.datasets.coco_format import (
+    CocoAnnotation,
+    CocoId,
+    CocoResult,
+    parsed,
+    validated,
+    validated_results,
+)
+from pipeline.evaluation.datasets.coco_rows import in_order, listed, places, unique
+from pipeline.evaluation.datasets.fault_log import FaultLog
 from pipeline.evaluation.metrics.average_precision import coco_precision
 from pipeline.evaluation.metrics.boxes import FoundBoxes, TrueBoxes, found_boxes, true_boxes
 from pipeline.evaluation.metrics.lrp import OptimalLrp, lrp_curve, mean_optimal_lrp, optimal_lrp
@@ -19,71 +31,84 @@ _CLASSES = ("class", "to find", "AP .5:.95", "oLRP", "IoU", "FP", "FN", "thresho
 _SIZES = ("size", "AP .5:.95", "AP .5", "AP .75", "AR 1", "AR 10", "AR 100")
 
 
-def score_files(truth: Path, results: Path) -> tuple[list[tuple[str, ...]], list[tuple[str, ...]]]:
+@dataclass(frozen=True)
+class Scored:
     """Two tables, their first rows the heads: by class, with the mean over those with truth; and by size.
+
+    faults: lines about what was left out.
+    """
+
+    classes: list[tuple[str, ...]]
+    sizes: list[tuple[str, ...]]
+    faults: list[str]
+
+
+def score_files(truth: Path, results: Path) -> Scored:
+    """See Scored. As COCO's own code does, boxes of a category that is not listed are left out; that is said.
 
     Raises InputError for files that are not what they should be.
     """
-    document, found = _json(truth), _json(results)
-    try:
-        names = {c["id"]: str(c["name"]) for c in document["categories"]}
-        index = {i["id"]: k for k, i in enumerate(sorted(document["images"], key=lambda i: i["id"]))}
-        true = _true(document["annotations"], index, truth)
-        boxes = _found(found, index, results)
-    except (KeyError, TypeError, ValueError) as error:
-        raise InputError(
-            truth, f"a field that is missing or no number ({error!r})", "COCO's format"
-        ) from None
-    return _tables(true, boxes, len(index), names)
+    document = validated(parsed(truth), truth)
+    found = validated_results(parsed(results), results)
+    faults = FaultLog(FaultPolicy(unknown_category="skip"))
+    images = unique(document.images, truth, "images", faults)
+    categories = in_order(unique(document.categories, truth, "categories", faults))
+    numbers = Numbers(
+        {image.id: k for k, image in enumerate(in_order(images))},
+        {category.id: k for k, category in enumerate(categories)},
+    )
+    true = _true(places(document.annotations, truth, faults), numbers, faults)
+    boxes = _found([(f"{results} {k}", row) for k, row in enumerate(found)], numbers, faults)
+    classes, sizes = _tables(true, boxes, len(images), [category.name for category in categories])
+    return Scored(classes, sizes, faults.lines())
 
 
-def _json(path: Path) -> Any:
-    try:
-        return json.loads(path.read_bytes())
-    except OSError as error:
-        raise InputError(path, f"no readable file ({error.strerror})", "a JSON file") from None
-    except ValueError as error:
-        raise InputError(path, f"text that is not JSON ({error})", "a JSON file") from None
+@dataclass(frozen=True)
+class Numbers:
+    """Of pictures and of categories, by id: whatever the ids are, the metrics count from 0."""
+
+    image: dict[CocoId, int]
+    category: dict[CocoId, int]
 
 
-def _true(annotations: list[Any], index: dict[Any, int], where: Path) -> TrueBoxes:
-    for a in annotations:
-        if a["image_id"] not in index:
-            at = f"{where} annotations.id={a.get('id')}.image_id"
-            raise InputError(at, f"{a['image_id']}, no listed picture", "an id in images")
+def _true(rows: list[tuple[str, CocoAnnotation]], numbers: Numbers, faults: FaultLog) -> TrueBoxes:
+    kept = [row for _, row in _listed(rows, numbers, faults)]
     return true_boxes(
-        [index[a["image_id"]] for a in annotations],
-        [a["category_id"] for a in annotations],
-        [a["bbox"] for a in annotations],
-        [a.get("area", a["bbox"][2] * a["bbox"][3]) for a in annotations],
-        [bool(a.get("iscrowd", 0)) for a in annotations],
+        [numbers.image[a.image_id] for a in kept],
+        [numbers.category[a.category_id] for a in kept],
+        [a.bbox for a in kept],
+        [a.bbox[2] * a.bbox[3] if a.area is None else a.area for a in kept],
+        [bool(a.iscrowd) for a in kept],
     )
 
 
-def _found(results: list[Any], index: dict[Any, int], where: Path) -> FoundBoxes:
-    for k, r in enumerate(results):
-        if r["image_id"] not in index:
-            raise InputError(
-                f"{where} {k}.image_id", f"{r['image_id']}, no listed picture", "an id in images"
-            )
-        if not all(map(math.isfinite, (*r["bbox"], r["score"]))):
-            raise InputError(f"{where} {k}", "a box or score that is not a number", "numbers")
+def _found(rows: list[tuple[str, CocoResult]], numbers: Numbers, faults: FaultLog) -> FoundBoxes:
+    kept = [row for _, row in _listed(rows, numbers, faults)]
     return found_boxes(
-        [index[r["image_id"]] for r in results],
-        [r["category_id"] for r in results],
-        [r["bbox"] for r in results],
-        [r["score"] for r in results],
+        [numbers.image[r.image_id] for r in kept],
+        [numbers.category[r.category_id] for r in kept],
+        [r.bbox for r in kept],
+        [r.score for r in kept],
     )
+
+
+def _listed(
+    rows: Sequence[tuple[str, CocoAnnotation | CocoResult]], numbers: Numbers, faults: FaultLog
+) -> Iterator[tuple[str, Any]]:
+    for where, row in listed(rows, numbers.image, numbers.category, faults):
+        if not all(map(math.isfinite, row.bbox)) or min(row.bbox[2:]) < 0.0:
+            raise InputError(f"{where}.bbox", str(list(row.bbox)), "x, y, width, height, sizes of 0 or more")
+        yield where, row
 
 
 def _tables(
-    true: TrueBoxes, found: FoundBoxes, images: int, names: dict[int, str]
+    true: TrueBoxes, found: FoundBoxes, images: int, names: list[str]
 ) -> tuple[list[tuple[str, ...]], list[tuple[str, ...]]]:
-    coco = coco_precision(true, found, images, sorted(names))
+    coco = coco_precision(true, found, images, list(range(len(names))))
     matches = match(true, found, "all", np.array([0.5]))
-    optima = {c: optimal_lrp(lrp_curve(matches, c)) for c in names}
+    optima = {c: optimal_lrp(lrp_curve(matches, c)) for c in range(len(names))}
     classes: list[tuple[str, ...]] = [_CLASSES]
-    for c, name in names.items():
+    for c, name in enumerate(names):
         count = int(np.count_nonzero(matches.true_category == c))
         if count:
             classes.append((name, str(count), _text(coco.ap_by_category[c]), *_parts(optima[c])))

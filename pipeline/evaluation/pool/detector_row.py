@@ -20,14 +20,12 @@ from pipeline.config.pool import PoolDetector, load_pool
 from pipeline.detection import Reading
 from pipeline.detection.model_file import sha256_of
 from pipeline.evaluation.measuring.setup_timing import SetupTiming, time_setup
-from pipeline.evaluation.pool.pool_file import sharing_rows, time_row
+from pipeline.evaluation.pool.pool_file import AS_THEY_ARE_BPS, sharing_rows, time_row
 from pipeline.evaluation.stills import StillsResult
 from pipeline.storage.whole_or_nothing import replacing
 
 _PICTURES, _WARM_UP = 20, 3
 _MEMORY_MARGIN = 1.25
-#: stills are as they are; the pool wants a bitrate, and from this one on video loses no accuracy
-STILLS_BITRATE_MBPS = 20.0
 
 
 @dataclass(frozen=True)
@@ -60,7 +58,7 @@ def measured_row(new: NewDetector, result: StillsResult, timing: SetupTiming, ou
     """The row of a detector that was measured on labelled stills."""
 
     def at() -> dict[str, Any]:  # a new one each time, or YAML writes references
-        return {"bitrate": {"mbps": STILLS_BITRATE_MBPS}}
+        return {"bitrate": {"mbps": AS_THEY_ARE_BPS / 1e6}}
 
     accuracy = round(result.by_size["all"].ap50 or 0.0, 4)
     sizes = [

@@ -18,6 +18,8 @@ from pipeline.evaluation.report.results import DetectorFile, Results
 from pipeline.storage.whole_or_nothing import replacing
 
 _MEMORY_MARGIN = 1.25
+#: pictures as they are have no bitrate; the pool wants one, and from this one on video loses no accuracy
+AS_THEY_ARE_BPS = 20e6
 _METRICS = {
     "ap": "AP .5:.95",
     "ap50": "AP .5",
@@ -42,8 +44,21 @@ def pool_document(results: Results, folder: Path) -> dict[str, Any]:
     return {
         "version": FORMAT_VERSION,
         "provenance": _provenance(results),
+        "assumed": [
+            f"{d.id}: {assumed_of_stills(results)}" for d in results.detectors if _of_stills(results)
+        ],
         "detectors": [_detector(results, d, folder) for d in results.detectors],
     }
+
+
+def _of_stills(results: Results) -> bool:
+    return not results.bitrates_bps
+
+
+def assumed_of_stills(results: Results) -> str:
+    """What a pool of pictures that were not encoded takes for granted."""
+    p = results.provenance
+    return f"accuracy of pictures as they are ({p.pictures} pictures, {p.people} people), not of video"
 
 
 def _provenance(results: Results) -> dict[str, Any]:
@@ -51,8 +66,9 @@ def _provenance(results: Results) -> dict[str, Any]:
     what = (
         "simulated-scene accuracy, not measured on real video" if p.simulated else "measured on real pictures"
     )
+    under = "of pictures as they are" if _of_stills(results) else f"under {results.codec}"
     return {
-        "accuracy": f"{_METRICS[results.metric]} under {results.codec}; {what}",
+        "accuracy": f"{_METRICS[results.metric]} {under}; {what}",
         "people": f"{p.people} in {p.pictures} pictures of {len(p.sequences)} sequences",
         "sizes": ", ".join(f"{size} {share:.0%}" for size, share in p.size_mix.items()),
         "score_threshold": "where LRP is least, over all conditions",
@@ -71,15 +87,14 @@ def _provenance(results: Results) -> dict[str, Any]:
 
 def _detector(results: Results, detector: DetectorFile, folder: Path) -> dict[str, Any]:
     cells = [c for c in results.cells if c.detector == detector.id]
-    own_codec = [c for c in cells if c.codec == results.codec]
+    own_codec = [c for c in cells if c.codec == (None if _of_stills(results) else results.codec)]
     timings = [t for t in results.timings if t.detector == detector.id]
     if not timings:
         raise InputError("timing", "no setup", "timing.setups, since a pool needs times and memory")
     accuracy = [_at(c) | {"accuracy": a} for c in own_codec if (a := _accuracy(results, c)) is not None]
     if not accuracy:
-        raise InputError(
-            "transcoding", f"no accuracy under {results.codec}", "bitrates, since a pool needs them"
-        )
+        under = "of pictures as they are" if _of_stills(results) else f"under {results.codec}"
+        raise InputError("pool", f"no {results.metric} {under}", "what was measured, with people to find")
     document: dict[str, Any] = {
         "id": detector.id,
         "model": os.path.relpath(detector.model, folder),
@@ -95,6 +110,8 @@ def _detector(results: Results, detector: DetectorFile, folder: Path) -> dict[st
     }
     if detector.card is not None:
         document["card"] = os.path.relpath(detector.card, folder)
+    if _of_stills(results):
+        document["assumed"] = assumed_of_stills(results)
     sharing = sharing_rows(timings)
     return document | ({"sharing": sharing} if sharing else {})
 
@@ -108,8 +125,7 @@ def _rounded(value: float | None) -> float | None:
 
 
 def _at(cell: Cell) -> dict[str, Any]:
-    assert cell.bitrate_bps is not None
-    return {"bitrate": {"kbps": cell.bitrate_bps / 1e3}}
+    return {"bitrate": {"kbps": (cell.bitrate_bps or AS_THEY_ARE_BPS) / 1e3}}
 
 
 def _by_size(results: Results, cell: Cell) -> list[dict[str, Any]]:

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from pipeline.detection import load_detector
 from pipeline.evaluation.datasets.dataset import DataSet, scaled
 from pipeline.evaluation.measuring.grid import Grid
-from pipeline.evaluation.measuring.work_unit import Model, Unit, first_pictures
+from pipeline.evaluation.measuring.unit import Model, Unit
+from pipeline.evaluation.measuring.work_unit import first_pictures
 from pipeline.link.codec import Codec
 from pipeline.messages import FloatArray
 

@@ -51,7 +51,7 @@ def provenance(path: Path, found: GridResults, faults: FaultLog, spent: dict[str
 
 
 def _versions() -> dict[str, str]:
-    packages = {name: version(name) for name in ("searchlight", "numpy", "faster-coco-eval")}
+    packages = {name: version(name) for name in ("searchlight", "numpy", "hotcoco")}
     ffmpeg = ".".join(map(str, av.library_versions["libavcodec"]))
     own = {"python": platform.python_version(), "onnxruntime": onnxruntime.__version__}
     return own | {"av": av.__version__, "libavcodec": ffmpeg} | packages

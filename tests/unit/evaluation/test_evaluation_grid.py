@@ -17,7 +17,8 @@ from pipeline.evaluation.measuring import grid as grid_module
 from pipeline.evaluation.measuring.cache import Cache
 from pipeline.evaluation.measuring.grid import in_processes, plan_grid, run_grid
 from pipeline.evaluation.measuring.grid_results import GridResults, cells_of, score_use
-from pipeline.evaluation.measuring.work_unit import Found, Model, UnitResult
+from pipeline.evaluation.measuring.unit import Model
+from pipeline.evaluation.measuring.work_unit import Found, UnitResult
 
 NANO = Path(__file__).parents[3] / "configs/detectors/nano.onnx"
 MODEL = Model("nano", NANO, "0" * 64)
@@ -150,6 +151,7 @@ def test_cells_hold_the_bitrate_obtained_and_the_largest_packet(planned, tmp_pat
     asked, dataset, grid = planned
     found = GridResults(asked, dataset, grid, run(planned, Cache(tmp_path / "c"), result))
     cells = cells_of(found, lambda *_: None)
+    assert cells_of(found, lambda *_: None, workers=3) == cells
     use = score_use(found, "nano")
     assert (use.threshold, use.calibration) == (1.0, None)  # best to report nothing
     assert len(cells) == 5

@@ -55,7 +55,7 @@ def test_the_pool_says_that_simulated_accuracy_is_simulated(pool_file, tmp_path)
 
 
 def test_what_allocation_could_not_use_is_not_written(tmp_path):
-    for changes, message in (({"timings": ()}, "no setup"), ({"codec": "mpeg"}, "no accuracy under mpeg")):
+    for changes, message in (({"timings": ()}, "no setup"), ({"codec": "mpeg"}, "no ap50 under mpeg")):
         with pytest.raises(InputError, match=message):
             write_pool(tmp_path / "pool.yaml", results(**changes))
         assert not list(tmp_path.iterdir())

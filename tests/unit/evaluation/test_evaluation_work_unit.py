@@ -10,10 +10,14 @@ import pytest
 
 from pipeline.detection import Detector
 from pipeline.errors import InputError
+from pipeline.evaluation.measuring import cache as cache_module
+from pipeline.evaluation.measuring import transcoding
 from pipeline.evaluation.measuring import work_unit as unit_module
 from pipeline.evaluation.measuring.cache import Cache
 from pipeline.evaluation.measuring.packet_file import read_packets, writing_packets
-from pipeline.evaluation.measuring.work_unit import Condition, Model, Unit, first_pictures, work
+from pipeline.evaluation.measuring.unit import Condition, Model, Unit
+from pipeline.evaluation.measuring.work_unit import UnitResult, first_pictures
+from pipeline.evaluation.measuring.work_unit import work as work_together
 
 NANO = Path(__file__).parents[3] / "configs/detectors/nano.onnx"
 
@@ -35,6 +39,11 @@ def unit(small_mission) -> Unit:
     )
 
 
+def work(unit: Unit) -> UnitResult:
+    (result,) = work_together((unit,))
+    return result
+
+
 def same(a, b):
     assert a.image.tolist() == b.image.tolist()
     np.testing.assert_array_equal(a.boxes_px, b.boxes_px)
@@ -50,6 +59,44 @@ def test_kept_packets_give_the_same_detections_without_encoding_again(unit, tmp_
     same(first.found["nano"], again.found["nano"])
     assert set(first.found["nano"].image.tolist()) <= {0, 10, 15}
     assert len(list(read_packets(unit.packets))) == first.frames == 60
+
+
+def test_units_of_one_source_decode_it_once_and_find_what_each_finds_alone(unit, tmp_path, monkeypatch):
+    decoded = []
+
+    def counted(path):
+        for frame in transcoding_frames(path):
+            decoded.append(frame.pts)
+            yield frame
+
+    transcoding_frames = transcoding.decoded_frames
+    conditions = (Condition(), Condition("h264", 100e3), Condition("h264", 1e6), Condition("vp9", 250e3))
+    units = tuple(replace(unit, condition=c) for c in conditions)
+    units = (*units[:3], replace(units[3], packets=tmp_path / "kept.packets"))
+    alone = [work(replace(u, packets=None)) for u in units]
+    monkeypatch.setattr(transcoding, "decoded_frames", counted)
+    together = work_together(units)
+    assert len(decoded) == 60
+    for one, other in zip(alone, together, strict=True):
+        assert (one.total_bytes, one.largest_packet_bytes) == (other.total_bytes, other.largest_packet_bytes)
+        same(one.found["nano"], other.found["nano"])
+    # the decoding of the source is shared out, and nothing is counted twice
+    assert len({round(r.seconds["source"], 9) for r in together}) == 1
+    again = work_together(units)  # the kept stream needs no source, the others do
+    assert "encode" not in again[3].seconds
+    same(again[3].found["nano"], alone[3].found["nano"])
+    assert len(decoded) == 120
+
+
+def test_a_kept_stream_that_lacks_packets_is_refused(unit, tmp_path):
+    unit = replace(unit, packets=tmp_path / "x.packets")
+    work(unit)
+    packets = list(read_packets(unit.packets))
+    with writing_packets(unit.packets) as write:
+        for data in packets[:-1]:
+            write(data)
+    with pytest.raises(InputError, match=r"x\.packets: found a stream that is cut off"):
+        work(unit)
 
 
 def test_a_better_bitrate_costs_more_bytes_and_changes_the_picture_less(unit):
@@ -117,6 +164,25 @@ def test_the_cache_gives_back_what_was_stored_and_only_for_the_same_content(unit
     assert cache.load(unit, "another source", model) is None
     assert cache.load(unit, "source", replace(model, sha256="1" * 64)) is None
     assert cache.packets(unit, "a") != cache.packets(unit, "b")
+
+
+def test_what_other_code_made_is_made_again(unit, tmp_path, monkeypatch):
+    cache, (model,) = Cache(tmp_path), unit.models
+    streams = cache.packets(unit, "source")
+    cache.store(unit, "source", work(unit))
+    assert cache.load(unit, "source", model) is not None
+    here = cache_module.code_sha256
+
+    def edited(*changed):
+        return lambda *modules: here(*modules) + str(bool(set(changed) & set(modules)))
+
+    monkeypatch.setattr(cache_module, "code_sha256", edited())
+    unchanged = cache.packets(unit, "source")
+    monkeypatch.setattr(cache_module, "code_sha256", edited("pipeline.detection"))
+    assert cache.load(unit, "source", model) is None
+    assert cache.packets(unit, "source") == unchanged != streams  # how boxes are found changes no stream
+    monkeypatch.setattr(cache_module, "code_sha256", edited("pipeline.link.codec"))
+    assert cache.packets(unit, "source") != unchanged
 
 
 def test_a_damaged_cache_file_counts_as_absent(unit, tmp_path):

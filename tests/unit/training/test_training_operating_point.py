@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-pytest.importorskip("faster_coco_eval", reason="the extra [train] is not installed")
+pytest.importorskip("hotcoco", reason="the extra [train] is not installed")
 
 from pipeline.training.accuracy import Seen, accuracy
 
