@@ -19,7 +19,7 @@ from pipeline.detection.nms import non_maximum_suppression
 from pipeline.detection.preparation import Preparation
 from pipeline.detection.recognition import Recognised, recognise
 from pipeline.detection.session import Session
-from pipeline.detection.tiles import merged, windows_of
+from pipeline.detection.tiles import MOST_IN_A_TILE, merged, windows_of
 from pipeline.detection.trial import one_picture, preparation_of, takes_batches
 from pipeline.messages import FloatArray
 from pipeline.sensor.calibration import calibrated
@@ -118,7 +118,7 @@ class Detector:
             for (boxes, scores, classes), (x0, y0, _, _) in zip(
                 self._looked(tiles, least), some, strict=True
             ):
-                kept = _suppressed(boxes, scores, classes, self._ids, self.layout.nms_iou)
+                kept = _suppressed(boxes, scores, classes, self._ids, self.layout.nms_iou, MOST_IN_A_TILE)
                 parts.append((boxes[kept] + np.array([x0, y0, x0, y0], float), scores[kept], classes[kept]))
         return parts
 
@@ -177,15 +177,19 @@ class Detector:
 
 
 def _suppressed(
-    boxes: FloatArray, scores: FloatArray, classes: IntArray, ids: IntArray, nms_iou: float | None
+    boxes: FloatArray,
+    scores: FloatArray,
+    classes: IntArray,
+    ids: IntArray,
+    nms_iou: float | None,
+    most: int | None = None,
 ) -> IntArray:
-    """Indices of what stays of each class, by falling score; without suppression everything."""
+    """Indices of what stays of each class, at most so many, by falling score; without suppression all of them."""
     parts = []
     for identity in ids:
         (same,) = np.nonzero(classes == identity)
-        parts.append(
-            same[non_maximum_suppression(boxes[same], scores[same], 1.0 if nms_iou is None else nms_iou)]
-        )
+        kept = non_maximum_suppression(boxes[same], scores[same], 1.0 if nms_iou is None else nms_iou)
+        parts.append(same[kept[:most]])
     return np.concatenate(parts)
 
 

@@ -7,7 +7,7 @@ on seams. AP .5 of
 - frame: the network on the whole frame,
 - tiles: the network on tiles as large as one picture, with the stated overlap.
 
-python tests/benchmarks/bench_tiles.py --simulated 60                          # pictures rendered here
+python tests/benchmarks/bench_tiles.py --simulated 105 [--model A.onnx B.onnx]   # pictures rendered here
 python tests/benchmarks/bench_tiles.py --labels COCO.json --pictures DIR --model MODEL.onnx [--most 200]
 """
 
@@ -27,7 +27,7 @@ from pipeline.detection.picture_file import read_picture
 from pipeline.evaluation.datasets.fault_log import FaultLog
 from pipeline.evaluation.stills import labelled_stills
 from pipeline.sensor.setup import Tiling
-from pipeline.training.accuracy import accuracy, look
+from pipeline.training.accuracy import VISIBLE_MIN, accuracy, look
 
 ROOT = Path(__file__).resolve().parents[2]
 WIDTH, HEIGHT = 3840, 2160
@@ -104,7 +104,9 @@ def ap(detector, frames: list[Row]) -> float:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--model", type=Path, default=ROOT / "configs" / "detectors" / "small.onnx")
+    parser.add_argument(
+        "--model", type=Path, nargs="+", default=[ROOT / "configs" / "detectors" / "small.onnx"]
+    )
     parser.add_argument("--simulated", type=int, default=0)
     parser.add_argument("--labels", type=Path)
     parser.add_argument("--pictures", type=Path)
@@ -113,15 +115,24 @@ def main() -> None:
     rows = (
         simulated(given.simulated) if given.simulated else labelled(given.labels, given.pictures, given.most)
     )
+    shifted = mosaics(rows)
+    for model in given.model:
+        compare(model, rows, shifted)
+    print(f"peak memory of this process: {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MiB")
+
+
+def compare(model: Path, rows: list[Row], shifted: list[Row]) -> None:
+    """One network at own size, on tiles, on the frame."""
     high, wide = rows[0][0].shape[:2]
     tiling = Tiling(wide, high, OVERLAP, False)
-    plain = load_detector(given.model, score_threshold=0.01)
-    tiled = load_detector(given.model, score_threshold=0.01, tiling=tiling)
-    shifted = mosaics(rows)
+    plain = load_detector(model, score_threshold=0.01)
+    tiled = load_detector(model, score_threshold=0.01, tiling=tiling)
     own = ap(plain, rows)
     on_tiles, on_frame = ap(tiled, shifted), ap(plain, shifted)
+    people = sum(int((seen >= VISIBLE_MIN).sum()) for _, _, seen in rows)
     print(
-        f"{given.model.name}, {len(rows)} pictures of {wide} x {high}, {len(shifted)} frames of {WIDTH} x {HEIGHT}"
+        f"{model.name}, {len(rows)} pictures of {wide} x {high} with {people} people,"
+        f" {len(shifted)} frames of {WIDTH} x {HEIGHT}"
     )
     print(f"people within a box of a seam: {near_a_seam(shifted, tiled):.0%}")
     print(
@@ -130,14 +141,13 @@ def main() -> None:
     print(f"seams cost {own - on_tiles:+.3f} AP against own size")
     doubled = sum(_doubles(tiled, frame) for frame in shifted)
     print(f"people with two boxes that overlap by more than half of the smaller: {doubled}")
-    for name, detector in (("frame", plain), ("tiles", tiled)):
+    for name, tiles in (("frame", None), ("tiles", tiling)):
+        detector = load_detector(model, score_threshold=0.3, tiling=tiles)
         started = time.thread_time()
         for frame, _, _ in shifted[:3]:
             detector.detect(frame)
-        print(
-            f"{name}: {1e3 * (time.thread_time() - started) / min(3, len(shifted)):.0f} ms of a thread per 4K frame"
-        )
-    print(f"peak memory of this process: {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MiB")
+        each_ms = 1e3 * (time.thread_time() - started) / min(3, len(shifted))
+        print(f"{name}: {each_ms:.0f} ms of a thread per 4K frame")
 
 
 def _doubles(detector, row: Row) -> int:

@@ -42,12 +42,64 @@ def test_two_halves_of_a_person_on_a_seam_become_the_person():
     assert scores.tolist() == [0.9, 0.8]
 
 
-def test_a_whole_box_swallows_the_part_of_it_that_another_tile_saw():
-    windows = np.array([[0, 0, 100, 100], [80, 0, 180, 100]])
-    boxes = np.array([[82.0, 20, 98, 90], [82, 20, 97, 60], [82, 22, 98, 90]])
-    found, scores, _ = merged(boxes, np.array([0.6, 0.9, 0.7]), np.array([1, 0, 0]), windows, (180, 100))
-    assert len(found) <= 2
-    assert scores[0] == 0.9
+def once(boxes, scores, window, windows=((0, 0, 100, 100), (60, 0, 160, 100)), size=(160, 100)):
+    found = merged(
+        np.array(boxes, float), np.array(scores), np.array(window), np.array(windows, np.int64), size
+    )
+    return found[0].tolist(), found[1].tolist()
+
+
+def test_a_box_that_a_seam_cuts_goes_where_the_neighbour_sees_the_place_whole():
+    # the person is 70..95: too near to the first tile's end at 100 for the network to see where it stops
+    cut, whole = [70.0, 20, 99, 60], [70.0, 20, 95, 60]
+    assert once([cut, whole], [0.9, 0.5], [0, 1]) == ([whole], [0.5])
+    # and the neighbour, which found nothing there, is believed
+    assert once([cut], [0.9], [0]) == ([], [])
+    # at the end of the picture nothing is cut
+    assert once([[130.0, 20, 159, 60]], [0.9], [1]) == ([[130.0, 20, 159, 60]], [0.9])
+
+
+@pytest.mark.parametrize("least", [0.15, 0.6])
+def test_a_half_joins_the_other_only_if_it_is_about_as_sure(least):
+    # wider than the overlap: no tile sees this person whole
+    left, right = [40.0, 20, 100, 80], [60.0, 20, 120, 80]
+    (box,), (score,) = once([left, right], [0.8, least], [0, 1])
+    assert box == ([40, 20, 120, 80] if least > 0.4 else left)
+    assert score == 0.8
+
+
+def test_the_pass_over_the_whole_picture_takes_no_box_away_that_it_does_not_find():
+    windows = [(0, 0, 100, 100), (90, 0, 190, 100), (0, 0, 190, 100)]
+    cut = [70.0, 20, 99, 60]  # no other tile sees it whole, the whole picture does
+    assert once([cut], [0.9], [0], windows, (190, 100)) == ([cut], [0.9])
+    whole = [70.0, 20, 104, 60]
+    assert once([cut, whole], [0.9, 0.3], [0, 2], windows, (190, 100)) == ([whole], [0.9])
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_everybody_smaller_than_the_overlap_is_found_once_and_whole(seed):
+    """What a perfect network says of each tile: the visible part of everybody, a little off, surer here or there."""
+    rng = np.random.default_rng(seed)
+    size, tiling = (900, 700), Tiling(320, 256, 0.3, bool(seed % 2))
+    windows = windows_of(*size, tiling)
+    overlap = 0.3 * 256
+    corner = np.stack(np.meshgrid(np.arange(0, 840, 90), np.arange(0, 640, 90)), axis=-1).reshape(-1, 2)
+    corner = corner + rng.integers(0, 30, corner.shape)
+    side = rng.uniform(8, overlap / 1.6, corner.shape)
+    people = np.hstack([corner, np.minimum(corner + side, size)])
+    boxes, scores, window = [], [], []
+    for k, (x0, y0, x1, y1) in enumerate(windows):
+        seen = np.clip(people, [x0, y0, x0, y0], [x1, y1, x1, y1])
+        for box, whole in zip(seen, people, strict=True):
+            share = (box[2:] - box[:2]).prod() / (whole[2:] - whole[:2]).prod()
+            if share > 0.3 and not (k == len(windows) - 1 and tiling.whole):  # too small for the whole frame
+                boxes.append(box + rng.uniform(-0.5, 0.5, 4))
+                scores.append(rng.uniform(0.3, 1.0))
+                window.append(k)
+    found, _, _ = merged(np.array(boxes), np.array(scores), np.array(window), windows, size)
+    assert len(found) == len(people)
+    for person in people:
+        assert np.abs(found - person).max(axis=1).min() <= 1.0
 
 
 def test_people_beside_each_other_in_one_tile_stay_two():
