@@ -124,6 +124,7 @@ def run(
 ) -> None:
     """Detect, fuse and map: from video files to the people found."""
     from actors.mission import RunOptions, run_on_ray
+    from pipeline.logs import logged_run
     from pipeline.mission.find_mission import find_mission
     from pipeline.mission.local import run_local
     from pipeline.mission.noticed import noticed
@@ -135,7 +136,7 @@ def run(
 
     mission = find_mission(mission)
     out = mission.parent / "run" if out is None else out
-    with claimed(out):
+    with claimed(out), logged_run(out):
         earlier = None if onto is None else read_earlier_run(onto)
         prepared = noticed(prepare(mission, earlier))
         with _progress("frames") as progress:

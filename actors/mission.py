@@ -18,11 +18,13 @@ from actors.site import placement
 from actors.source import Pace, SourceActor
 from pipeline.allocation.plan import Plan
 from pipeline.errors import RunFailedError, SearchlightError
+from pipeline.logs import Log
 from pipeline.mission.clocks import pacing_offsets_s
 from pipeline.mission.local import FinishedRun, bandwidth
 from pipeline.mission.prepared import PreparedMission
 from pipeline.mission.stages.reducer import ReducerStage
 
+_LOG = Log("actors")
 #: how often the actors are asked how they are, seconds
 POLL_S = 0.25
 #: sources begin so long after everybody is ready, seconds (realtime)
@@ -47,6 +49,7 @@ def run_on_ray(
 ) -> FinishedRun:
     """Plan and run. progress(stream, frames done, frames in all); say(one line) for each phase."""
     with _metrics(options, say) as collector:
+        _LOG.event("ray", address=options.address or "started here", pace=options.pace)
         say("starting Ray" if options.address is None else f"joining Ray at {options.address}")
         return _run(prepared, options, collector, progress, say)
 
@@ -64,6 +67,7 @@ def _run(
         plan = wiring.plan()
         say(f"plan: {plan.status}, objective {plan.objective:.4g}, {len(plan.assignments)} substreams")
         wiring.start(plan)
+        _LOG.event("actors started", machines=sorted({a.machine for a in plan.assignments}))
         return wiring.supervise(plan, progress, collector)
 
 
@@ -132,7 +136,8 @@ class _Wiring:
     ) -> FinishedRun:
         snapshot = Snapshot(plan, bandwidth_bps=self._used_links(plan))
         while True:
-            snapshot = self._snapshot(snapshot)
+            before, snapshot = snapshot, self._snapshot(snapshot)
+            self._log_ends(before, snapshot)
             collector.snapshot = snapshot
             for source in snapshot.sources.values():
                 progress(source.stream, source.frames_done, source.frames_total)
@@ -158,6 +163,17 @@ class _Wiring:
             if status.error is not None:
                 raise status.error
         return replace(last, sources={s.stream: s for s in sources}, reducer=reducer)
+
+    @staticmethod
+    def _log_ends(before: Snapshot, now: Snapshot) -> None:
+        """A line for every source that has come to its end, and for the reducer's last substream."""
+        for stream, source in now.sources.items():
+            known = before.sources.get(stream)
+            if source.finished and not (known is not None and known.finished):
+                _LOG.event("stream ends", stream=stream, frames=source.frames_done)
+        was = None if before.reducer is None else before.reducer.open_substreams
+        if now.reducer is not None and now.reducer.open_substreams != was:
+            _LOG.event("substreams open", count=now.reducer.open_substreams)
 
     @staticmethod
     def _is_done(snapshot: Snapshot) -> bool:

@@ -10,6 +10,7 @@ from pipeline.allocation.plan import Assignment, Plan
 from pipeline.detection import open_pool_detector
 from pipeline.fusion.fuser import Fuser
 from pipeline.fusion.sequencer import Sequencer
+from pipeline.logs import Log
 from pipeline.messages import Message
 from pipeline.mission.onto import go_on
 from pipeline.mission.prepared import PreparedMission
@@ -18,6 +19,7 @@ from pipeline.mission.stages.reducer import ReducerStage
 from pipeline.mission.stages.source import SourceCount, SourceStage, StreamInput
 from pipeline.mission.stages.virtual_link import VirtualLink
 
+_LOG = Log("mission")
 #: a link may be so far behind before frames are dropped, seconds
 MAX_BACKLOG_S = 1.0
 Progress = Callable[[str, int, int], None]
@@ -44,9 +46,11 @@ class FinishedRun:
 def run_local(prepared: PreparedMission, plan: Plan, progress: Progress) -> FinishedRun:
     """Process every stream, one frame of each in turn. progress(stream, frames done, frames in all)."""
     started = time.monotonic()
+    _LOG.event("run begins", streams=[s.stream for s in prepared.streams], pace="local")
     reducer = make_reducer(prepared, plan, lateness=False)
     counts, sent = process(prepared, plan, reducer.push, progress)
     reducer.finish()
+    _LOG.event("run ends", seconds=round(time.monotonic() - started, 3))
     return FinishedRun(plan, reducer, counts, sent, time.monotonic() - started, "local")
 
 
@@ -91,6 +95,7 @@ def make_reducer(
     fuser = Fuser(prepared.terrain, prepared.mission.fusion, prepared.cameras, relative)
     if prepared.onto is not None:
         go_on(fuser, prepared.onto, min(s.start_ns for s in prepared.streams))
+        _LOG.event("map goes on", run=prepared.onto.path, flights=len(prepared.onto.flights))
     lateness_ns = round(prepared.mission.fusion.lateness * 1e9) if lateness else None
     start_ns = {s.stream: s.start_ns for s in prepared.streams}
     return ReducerStage(fuser, Sequencer(substreams, lateness_ns, start_ns), substreams)
@@ -105,6 +110,9 @@ def make_detector(prepared: PreparedMission, assignment: Assignment) -> Detector
     """The stage of one substream."""
     runnable = prepared.runnable(assignment.pool_detector)
     detector = open_pool_detector(runnable, prepared.layers, assignment.setup)
+    _LOG.event(
+        "detector opened", stream=assignment.stream, detector=assignment.detector, setup=assignment.setup
+    )
     return DetectorStage(detector, assignment.codec or prepared.mission.processing.codec)
 
 
@@ -120,4 +128,5 @@ def _step(stream: StreamInput, source: SourceStage, progress: Progress) -> Itera
         progress(stream.stream, source.count.captured, stream.video.pictures or source.count.captured)
         yield True
     source.end()
+    _LOG.event("stream ends", stream=stream.stream, captured=source.count.captured)
     progress(stream.stream, source.count.captured, source.count.captured)

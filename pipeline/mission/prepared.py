@@ -24,6 +24,7 @@ from pipeline.ingest.ground import GroundModel, Window, frame_over, load_ground,
 from pipeline.ingest.resolution import with_resolution
 from pipeline.ingest.track import Clock, Track
 from pipeline.link.codec import require_codec
+from pipeline.logs import Log
 from pipeline.mission.checks import (
     area_is_on_terrain,
     require_near,
@@ -42,6 +43,7 @@ from pipeline.mission.stages.source import StreamInput
 from pipeline.sensor.expected_size import expected_person_px
 from pipeline.sensor.model import SensorModel
 
+_INGEST = Log("ingest")
 #: people are not looked for farther away than this, metres
 _MOST_REACH_M = 3000.0
 
@@ -137,6 +139,7 @@ def prepare(path: Path, onto: EarlierRun | None = None) -> PreparedMission:
     person_px = {}
     if mission.processing.expected_size:
         person_px = {s.stream: _person_px(terrain, cameras[s.stream], s) for s in streams}
+    _log(filmed)
     problem = build_problem(own_site, mission.processing, inventory, pool, where=path, person_px=person_px)
     return PreparedMission(
         path,
@@ -154,6 +157,28 @@ def prepare(path: Path, onto: EarlierRun | None = None) -> PreparedMission:
         filmed.heights,
         onto,
     )
+
+
+def _log(filmed: Filmed) -> None:
+    """A line for each stream that was read, for the map, and for everything that was noticed or assumed."""
+    for stream in filmed.streams:
+        first_s, last_s = stream.trajectory.span_s
+        _INGEST.event(
+            "stream read",
+            stream=stream.stream,
+            pictures=stream.video.pictures,
+            seconds=round(stream.end_s, 3),
+            poses_from_s=round(first_s, 3),
+            poses_to_s=round(last_s, 3),
+            takeoff_m=round(stream.trajectory.takeoff_m, 2),
+        )
+    terrain = filmed.terrain
+    _INGEST.event(
+        "terrain read", cells=terrain.shape, cell_m=terrain.cell_m, heights_above=filmed.heights.name
+    )
+    for finding in filmed.findings:
+        log = _INGEST.warning if finding.severity == "warning" else _INGEST.event
+        log(finding.cause, where=finding.where, found=finding.found)
 
 
 def read_filmed(path: Path, mission: Mission, faults: Faults, onto: EarlierRun | None = None) -> Filmed:

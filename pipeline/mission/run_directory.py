@@ -16,6 +16,7 @@ from pipeline.fusion.possible import found_and_possible
 from pipeline.fusion.salient import SalientLocation
 from pipeline.ingest.checks.box_sizes import check_box_sizes
 from pipeline.ingest.finding import Finding
+from pipeline.logs import LOG_FILE, Log, keep_log
 from pipeline.messages import FloatArray
 from pipeline.mission.found_place_crops import found_place_crops
 from pipeline.mission.ledger import stream_account, substream_counts
@@ -33,6 +34,8 @@ from pipeline.outputs.summary import LinkUse, Summary, write_summary
 from pipeline.outputs.truth import TruePerson, load_truth, match_truth
 from pipeline.second_look.plan import plan_second_look
 from pipeline.storage.whole_or_nothing import run_directory, write_bytes, write_text
+
+_LOG = Log("outputs")
 
 
 def write_run_directory(prepared: PreparedMission, run: FinishedRun, out: Path) -> Summary:
@@ -85,9 +88,14 @@ def write_run_directory(prepared: PreparedMission, run: FinishedRun, out: Path) 
             look = prepared.mission.fusion.second_look
             write_qgc_plan(folder / "second_flight.plan", second.flight, prepared.frame, look)
             write_dji_route(folder / "second_flight.kmz", second.flight, prepared.frame, look, last_ns)
+        _LOG.event(
+            "writing", folder=out, places=len(locations), possible=len(possible), sightings=len(fuser.looks)
+        )
         save_run_state(folder / STATE_FILE, prepared, fuser, summary, tracks, crops)
         write_report(folder / "report.html", report)
         write_summary(folder / "summary.json", summary)
+        _LOG.event("verdict", kind=summary.verdict.kind, sentence=summary.verdict.sentence)
+        keep_log(folder / LOG_FILE)
     return summary
 
 

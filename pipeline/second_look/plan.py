@@ -19,10 +19,13 @@ from pipeline.fusion.voxel_map import VoxelMap
 from pipeline.geo.camera import Camera
 from pipeline.geo.search_area import SearchArea, load_search_area
 from pipeline.geo.terrain import Terrain
+from pipeline.logs import Log
 from pipeline.messages import FloatArray
 from pipeline.second_look.areas import SecondLookArea, layers_of, second_look_areas
 from pipeline.second_look.coverage import Coverage
 from pipeline.second_look.flight import SecondFlight, plan_second_flight
+
+_LOG = Log("second_look")
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +67,15 @@ def plan_second_look(
         float(judged.sum()) * cell_m2,
         float((judged & seen).sum()) * cell_m2,
         float(seen.sum()) * cell_m2,
+    )
+    _LOG.event(
+        "planned",
+        basis=coverage.basis,
+        areas=len(areas),
+        length_m=round(flight.length_m, 1),
+        takeoff_m=round(flight.takeoff_m, 2),
+        takeoff_is_told=flight.takeoff_is_told,
+        clearance=flight.clearance,
     )
     return SecondLookPlan(areas, flight, coverage)
 

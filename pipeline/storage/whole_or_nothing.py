@@ -16,6 +16,19 @@ from pipeline.errors import InputError
 
 #: the file that marks a folder as one of our run directories, and the value of its key ``written_by``
 SUMMARY_FILE = "summary.json"
+#: the names of all files of a run, one a line: what a later run may remove
+FILE_LIST = ".run-files"
+#: what earlier versions wrote, that kept no list
+_UNLISTED = (
+    *(
+        "salient.geojson",
+        "second_look.geojson",
+        "second_flight.geojson",
+        "second_flight.plan",
+        "saliency*.tif",
+    ),
+    *("plan.json", "map.png", "schedule.png", "report.html"),
+)
 WRITTEN_BY = "searchlight run"
 #: a disk with less than this is full
 _LEAST_FREE_BYTES = 65_536
@@ -82,8 +95,9 @@ def _require_writable(path: Path) -> None:
 def run_directory(path: Path) -> Iterator[Path]:
     """A temporary folder beside path to write a run's files in; on leaving, they all appear in path.
 
-    A new path is one rename. In the directory of an earlier run each file is replaced in one step, the
-    summary last; files that are not ours are never touched. If the block raises, path stays as it was; if that
+    A new path is one rename. In the directory of an earlier run the files of that run which this one does not write
+    are removed, then each file is replaced in one step, the summary last: what lies there is of one run. Files that
+    are not ours are never touched. If the block raises, path stays as it was; if that
     was for want of space, the files that were finished are kept in a folder that the error names.
     Raises InputError if a run may not write at path (see check_run_directory).
     """
@@ -124,13 +138,27 @@ def _kept(temporary: Path, path: Path) -> InputError:
 
 
 def _publish(temporary: Path, path: Path) -> None:
+    names = sorted(p.relative_to(temporary).as_posix() for p in temporary.rglob("*") if p.is_file())
+    (temporary / FILE_LIST).write_text("".join(f"{name}\n" for name in [*names, FILE_LIST]), encoding="utf-8")
     if not path.exists() or _is_empty(path):
         os.replace(temporary, path)
         return
+    for stale in _files_of_run(path) - {*names, FILE_LIST}:
+        (path / stale).unlink(missing_ok=True)
     files = sorted(p.relative_to(temporary) for p in temporary.rglob("*") if p.is_file())
     for name in sorted(files, key=lambda p: p == Path(SUMMARY_FILE)):
         (path / name).parent.mkdir(parents=True, exist_ok=True)
         os.replace(temporary / name, path / name)
+
+
+def _files_of_run(path: Path) -> set[str]:
+    """The names of the files that the run in a directory wrote; no other name is ever in it."""
+    try:
+        listed = (path / FILE_LIST).read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError):
+        return {found.name for pattern in _UNLISTED for found in path.glob(pattern) if found.is_file()}
+    # a list that somebody edited must not reach out of the directory
+    return {name for name in listed if (path / name).resolve().is_relative_to(path.resolve()) and name}
 
 
 def _beside(path: Path) -> Path:

@@ -9,12 +9,14 @@ from dataclasses import dataclass, field
 
 from pipeline.fusion.fuser import Fuser
 from pipeline.fusion.sequencer import Sequencer
+from pipeline.logs import Log
 from pipeline.messages import Detections, Dropped, EndOfStream, Message
 
 HOPS = ("encode", "transfer", "decode", "detect")
 #: upper bounds of the latency histogram, seconds
 LATENCY_BUCKETS_S = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0)
 
+_LOG = Log("fusion")
 _LATE = "late, applied out of its place"
 
 
@@ -50,6 +52,9 @@ class ReducerStage:
         """Take one message of any substream."""
         if isinstance(message, EndOfStream):
             self.open.discard((message.stream, message.detector))
+            _LOG.event(
+                "substream ends", stream=message.stream, detector=message.detector, open=len(self.open)
+            )
         if isinstance(message, Dropped):
             self.dropped[message.stream, message.detector][message.index] = message.reason
         if isinstance(message, Detections):
@@ -60,6 +65,8 @@ class ReducerStage:
     def finish(self) -> None:
         """Apply what is still held back."""
         self._apply(self.sequencer.finish())
+        fuser = self.fuser
+        _LOG.event("map finished", sightings=len(fuser.looks), refused=fuser.refused, unplaced=fuser.unplaced)
 
     @property
     def not_taken(self) -> dict[str, int]:

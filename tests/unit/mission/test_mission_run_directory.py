@@ -14,6 +14,7 @@ import rasterio
 from lxml import etree
 
 from pipeline.geo.frame import LocalFrame
+from pipeline.logs import logged_run
 from pipeline.mission.local import FinishedRun, run_local
 from pipeline.mission.planning import plan
 from pipeline.mission.prepared import PreparedMission, prepare
@@ -127,3 +128,33 @@ def test_where_the_drone_took_off_is_what_its_telemetry_says(prepared: PreparedM
     for stream in prepared.streams:
         east, north = stream.trajectory.positions_enu[0, :2]
         assert stream.trajectory.takeoff_m == pytest.approx(prepared.terrain.height(east, north), abs=0.6)
+
+
+def test_every_change_of_state_of_a_run_leaves_a_line_in_its_directory(
+    small_mission: Path, tmp_path: Path
+) -> None:
+    with logged_run(tmp_path / "run"):
+        prepared = prepare(small_mission)
+        finished = run_local(prepared, plan(prepared), lambda *_: None)
+        write_run_directory(prepared, finished, tmp_path / "run")
+    lines = [json.loads(line) for line in (tmp_path / "run/run.log").read_text().splitlines()]
+    said = [(line["room"], line["event"]) for line in lines]
+    for room, event, times in (
+        ("ingest", "stream read", 2),
+        ("ingest", "terrain read", 1),
+        ("allocation", "planned", 1),
+        ("mission", "run begins", 1),
+        ("mission", "stream ends", 2),
+        ("mission", "run ends", 1),
+        ("fusion", "map finished", 1),
+        ("second_look", "planned", 1),
+        ("outputs", "verdict", 1),
+    ):
+        assert said.count((room, event)) == times, (room, event)
+    substreams = len(finished.plan.assignments)
+    assert said.count(("mission", "detector opened")) == substreams
+    assert said.count(("fusion", "substream ends")) == substreams
+    assert said.index(("allocation", "planned")) < said.index(("mission", "run begins"))
+    listed = (tmp_path / "run/.run-files").read_text().splitlines()
+    assert sorted(listed) == sorted(p.name for p in (tmp_path / "run").iterdir())
+    assert not list(tmp_path.glob("*.log*"))

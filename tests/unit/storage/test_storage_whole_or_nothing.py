@@ -8,6 +8,7 @@ import pytest
 
 from pipeline.errors import InputError
 from pipeline.storage.whole_or_nothing import (
+    FILE_LIST,
     SUMMARY_FILE,
     WRITTEN_BY,
     check_run_directory,
@@ -74,6 +75,48 @@ def test_a_later_run_replaces_its_files_and_keeps_the_users(tmp_path: Path) -> N
     assert (path / "more" / "crop.png").read_bytes() == b"3"
     assert (path / "notes.txt").read_text() == "mine"
     assert [p.name for p in tmp_path.iterdir()] == ["demo"]
+
+
+def run_with(path: Path, *names: str) -> None:
+    with run_directory(path) as folder:
+        (folder / SUMMARY_FILE).write_text(OURS)
+        for name in names:
+            (folder / name).parent.mkdir(exist_ok=True)
+            (folder / name).write_text(name)
+
+
+def names(path: Path) -> set[str]:
+    return {p.relative_to(path).as_posix() for p in path.rglob("*") if p.is_file()}
+
+
+def test_what_an_earlier_run_left_does_not_survive_beside_a_later_one(tmp_path: Path) -> None:
+    path = tmp_path / "demo"
+    run_with(
+        path, "report.html", "second_flight.plan", "second_flight.kmz", "saliency-car.tif", "crops/1.png"
+    )
+    (path / "notes.txt").write_text("mine")
+    (path / "second_flight_edited.plan").write_text("mine")
+    run_with(path, "report.html", "crops/2.png")
+    mine = {"notes.txt", "second_flight_edited.plan"}
+    assert names(path) == {SUMMARY_FILE, FILE_LIST, "report.html", "crops/2.png"} | mine
+
+
+def test_of_a_run_that_kept_no_list_the_known_files_are_removed(tmp_path: Path) -> None:
+    path = tmp_path / "demo"
+    run_with(path, "report.html", "second_flight.plan", "salient.geojson", "area.kml")
+    (path / FILE_LIST).unlink()
+    run_with(path, "report.html")
+    assert names(path) == {SUMMARY_FILE, FILE_LIST, "report.html", "area.kml"}
+
+
+def test_a_list_cannot_make_a_run_remove_files_elsewhere(tmp_path: Path) -> None:
+    path, other = tmp_path / "demo", tmp_path / "other.txt"
+    run_with(path, "report.html")
+    other.write_text("mine")
+    (path / FILE_LIST).write_text(f"../other.txt\n{other}\n\nreport.html\n")
+    run_with(path)
+    assert other.exists()
+    assert names(path) == {SUMMARY_FILE, FILE_LIST}
 
 
 def test_a_failed_run_changes_nothing(tmp_path: Path) -> None:

@@ -1,0 +1,92 @@
+"""One structured logger per room: quiet, until a run gives all of them a file.
+
+Every line is one JSON object: ``time`` (ISO 8601, UTC), ``room``, ``level``, ``event`` and the event's own fields. A
+room logs a change of its state, with what it was changed by; it never logs and goes on where it should raise. Actors
+in other processes have loggers of their own, which nobody listens to: what becomes of them their supervisor logs.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+from uuid import uuid4
+
+#: the file of a run directory that holds the log of its run
+LOG_FILE = "run.log"
+_ROOT = logging.getLogger("searchlight")
+_ROOT.addHandler(logging.NullHandler())
+_ROOT.propagate = False
+_ROOT.setLevel(logging.INFO)
+
+
+class Log:
+    """The logger of one room."""
+
+    def __init__(self, room: str) -> None:
+        self._room, self._logger = room, _ROOT.getChild(room)
+
+    def event(self, event: str, **fields: object) -> None:
+        """A change of state. fields: whatever JSON can say; the rest as text."""
+        self._logger.info(event, extra={"room": self._room, "fields": fields})
+
+    def warning(self, event: str, **fields: object) -> None:
+        """The same of what somebody should look at."""
+        self._logger.warning(event, extra={"room": self._room, "fields": fields})
+
+
+class _JsonLines(logging.Formatter):
+    def format(self, record: logging.LogRecord) -> str:
+        head = {
+            "time": datetime.fromtimestamp(record.created, UTC).isoformat(timespec="milliseconds"),
+            "room": record.__dict__.get("room", record.name),
+            "level": record.levelname.lower(),
+            "event": record.getMessage(),
+        }
+        return json.dumps(head | record.__dict__.get("fields", {}), ensure_ascii=False, default=str)
+
+
+class _RunFile(logging.FileHandler):
+    """The file of the run that is going on."""
+
+
+@contextmanager
+def logged_run(out: Path) -> Iterator[None]:
+    """Within it all rooms log to a file beside the run directory ``out``, for ``keep_log`` to take.
+
+    If the block raises, the file is kept beside the directory as ``NAME.log``, with the error as its last line; else it
+    is gone afterwards, and so is one that an earlier failure left.
+    """
+    absolute = out.absolute()
+    absolute.parent.mkdir(parents=True, exist_ok=True)
+    temporary, kept = (
+        absolute.with_name(f".{absolute.name}.{uuid4().hex}.log.part"),
+        absolute.with_name(f"{absolute.name}.log"),
+    )
+    handler = _RunFile(temporary, encoding="utf-8")
+    handler.setFormatter(_JsonLines())
+    _ROOT.addHandler(handler)
+    try:
+        yield
+        kept.unlink(missing_ok=True)
+    except BaseException as error:
+        Log("mission").warning("run failed", error=f"{type(error).__name__}: {error}")
+        handler.flush()
+        temporary.replace(kept)
+        raise
+    finally:
+        _ROOT.removeHandler(handler)
+        handler.close()
+        temporary.unlink(missing_ok=True)
+
+
+def keep_log(path: Path) -> None:
+    """Copy what the run that is going on has logged so far; nothing, if nobody logs."""
+    for handler in _ROOT.handlers:
+        if isinstance(handler, _RunFile):
+            handler.flush()
+            shutil.copyfile(handler.baseFilename, path)

@@ -1,0 +1,69 @@
+"""The log of a run: quiet by default, one JSON object a line, in the run directory, or beside it after a failure."""
+
+import json
+import logging
+from pathlib import Path
+
+import pytest
+
+from pipeline.logs import LOG_FILE, Log, keep_log, logged_run
+
+
+def lines(path: Path) -> list[dict[str, object]]:
+    return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+
+
+def test_nobody_hears_a_log_without_a_run(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    Log("fusion").event("map finished", sightings=3)
+    Log("fusion").warning("late", count=1)
+    keep_log(tmp_path / LOG_FILE)
+    assert capfd.readouterr() == ("", "")
+    assert not list(tmp_path.iterdir())
+    assert not logging.getLogger("searchlight").propagate
+
+
+def test_a_line_says_when_in_which_room_what_changed_and_by_what(tmp_path: Path) -> None:
+    with logged_run(tmp_path / "run"):
+        Log("ingest").event("stream read", stream="drone-1", path=Path("a.mp4"), text="zwei\nZeilen ü")
+        Log("outputs").warning("disk", free=0.5)
+        keep_log(tmp_path / "kept")
+    first, second = lines(tmp_path / "kept")
+    assert str(first.pop("time")).endswith("+00:00")
+    assert first == {
+        "room": "ingest",
+        "level": "info",
+        "event": "stream read",
+        "stream": "drone-1",
+        "path": "a.mp4",
+        "text": "zwei\nZeilen ü",
+    }
+    assert (second["room"], second["level"], second["free"]) == ("outputs", "warning", 0.5)
+    assert [p.name for p in tmp_path.iterdir()] == ["kept"]
+
+
+@pytest.mark.parametrize("error", [ValueError("bad"), KeyboardInterrupt(), SystemExit(2)])
+def test_after_a_failure_the_log_is_kept_beside_the_run_directory(
+    tmp_path: Path, error: BaseException
+) -> None:
+    def run() -> None:
+        with logged_run(tmp_path / "run"):
+            Log("allocation").event("planned")
+            raise error
+
+    with pytest.raises(type(error)):
+        run()
+    assert [p.name for p in tmp_path.iterdir()] == ["run.log"]
+    kept = lines(tmp_path / "run.log")
+    assert [line["event"] for line in kept] == ["planned", "run failed"]
+    assert type(error).__name__ in str(kept[1]["error"])
+    with logged_run(tmp_path / "run"):
+        Log("allocation").event("planned")
+    assert not list(tmp_path.iterdir())
+
+
+def test_two_runs_one_after_the_other_do_not_share_a_log(tmp_path: Path) -> None:
+    for name in "ab":
+        with logged_run(tmp_path / name):
+            Log("mission").event(f"run {name}")
+            keep_log(tmp_path / f"{name}.txt")
+    assert [[line["event"] for line in lines(tmp_path / f"{n}.txt")] for n in "ab"] == [["run a"], ["run b"]]
