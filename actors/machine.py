@@ -20,6 +20,7 @@ from pipeline.link.codec import Codec
 from pipeline.messages import EndOfStream, Message, Packet
 from pipeline.mission.stages.detector import DetectorStage
 from pipeline.mission.stages.virtual_link import unlimited
+from pipeline.sensor.substream import as_sent
 
 Address = tuple[str, int]
 #: packets that may wait for one detector; the sender's link feels what is above
@@ -78,7 +79,8 @@ class MachineActor:
     def _opened(self, assignment: Assignment, detector: PoolDetector) -> Detector:
         """Raises InputError, with the machine's name, for what cannot be had here, such as CUDA."""
         try:
-            return open_pool_detector(detector, self._layers, assignment.setup)
+            row = as_sent(detector, assignment.codec or self._codec, assignment.bitrate_bps)
+            return open_pool_detector(row, self._layers, assignment.setup)
         except InputError as error:
             where = f"machine {self._machine}: {error.where}"
             raise InputError(where, error.found, error.expected) from None

@@ -160,7 +160,7 @@ def _detectors(
 ) -> tuple[Detector, ...]:
     """getDetectors of Algorithm det_ass: every network on every machine where it is fast enough."""
     limit_s = max_frame_time_s(processing)
-    accuracies = {d.id: accuracies_of(d, levels, where) for d in pool.detectors}
+    accuracies = {d.id: accuracies_of(d, levels, processing.codec, where) for d in pool.detectors}
     timed = [
         (network, machine, time.mean if time.maximum is None else time.maximum, setup_of(network, time))
         for machine, kind in _machines(inventory)

@@ -8,17 +8,16 @@ size that a person is expected to have in its pictures.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
-
-import numpy as np
 
 from pipeline.config.pool import AccuracyAt, Pool, PoolDetector
 from pipeline.config.processing import Processing
 from pipeline.errors import InputError
 from pipeline.link.codec import Codec
+from pipeline.sensor.accuracy import accuracy_at
 
 #: COCO's size classes, pixels: up to, and its name
 _SIZES = ((32.0, "small"), (96.0, "medium"), (math.inf, "large"))
@@ -38,20 +37,15 @@ def levels_of(processing: Processing, bitrates_bps: tuple[float, ...]) -> tuple[
     return tuple(Level(bps, codec) for bps in bitrates_bps for codec in codecs)
 
 
-def accuracies_of(network: PoolDetector, levels: tuple[Level, ...], where: Path) -> tuple[float, ...]:
-    """acc_d^b, one per level. Raises InputError for a codec that the pool has nothing of."""
-    return tuple(accuracy_at(_points(network, level.codec, where), level.bitrate_bps) for level in levels)
+def accuracies_of(
+    network: PoolDetector, levels: tuple[Level, ...], codec: Codec, where: Path
+) -> tuple[float, ...]:
+    """acc_d^b, one per level. codec: the mission's, where the levels have none.
 
-
-def accuracy_at(points: Iterable[AccuracyAt], bitrate_bps: float) -> float:
-    """Accuracy at a bitrate: linear in its logarithm between the pool's points, level beyond them."""
-    ordered = sorted(points, key=lambda point: point.bitrate)
-    return float(
-        np.interp(
-            math.log(bitrate_bps),
-            [math.log(point.bitrate) for point in ordered],
-            [point.accuracy for point in ordered],
-        )
+    Raises InputError for a codec among the levels that the pool has nothing of.
+    """
+    return tuple(
+        accuracy_at(_points(network, level.codec, codec, where), level.bitrate_bps) for level in levels
     )
 
 
@@ -70,7 +64,9 @@ def stream_accuracies(
         for network in pool.detectors:
             points = of_size(network, size_px)
             if points:
-                found[stream, network.id] = tuple(_scaled(network, points, level, where) for level in levels)
+                found[stream, network.id] = tuple(
+                    _scaled(network, points, level, processing.codec, where) for level in levels
+                )
     return found
 
 
@@ -85,10 +81,11 @@ def of_size(network: PoolDetector, size_px: float) -> tuple[AccuracyAt, ...]:
     return rows or tuple(row for row in network.accuracy_by_size if row.size == name)
 
 
-def _points(network: PoolDetector, codec: str, where: Path) -> tuple[AccuracyAt, ...]:
+def _points(network: PoolDetector, codec: str, of_mission: Codec, where: Path) -> tuple[AccuracyAt, ...]:
+    """Of a level's codec; where it has none of the mission's, or whatever the pool has."""
+    points = tuple(row for row in network.accuracy_by_codec if row.codec == (codec or of_mission))
     if not codec:
-        return network.accuracy
-    points = tuple(row for row in network.accuracy_by_codec if row.codec == codec)
+        return points or network.accuracy
     if not points:
         raise InputError(
             f"{where} pool.detectors.{network.id}.accuracy_by_codec",
@@ -98,10 +95,11 @@ def _points(network: PoolDetector, codec: str, where: Path) -> tuple[AccuracyAt,
     return points
 
 
-def _scaled(network: PoolDetector, points: tuple[AccuracyAt, ...], level: Level, where: Path) -> float:
+def _scaled(
+    network: PoolDetector, points: tuple[AccuracyAt, ...], level: Level, of_mission: Codec, where: Path
+) -> float:
+    """The accuracy of a size under the level's codec: as the codec's is to the detector's own."""
     accuracy = accuracy_at(points, level.bitrate_bps)
-    if not level.codec:
-        return accuracy
     everything = accuracy_at(network.accuracy, level.bitrate_bps)
-    share = accuracy_at(_points(network, level.codec, where), level.bitrate_bps) / max(everything, 1e-9)
-    return min(1.0, accuracy * share)
+    there = accuracy_at(_points(network, level.codec, of_mission, where), level.bitrate_bps)
+    return accuracy if there == everything else min(1.0, accuracy * there / max(everything, 1e-9))

@@ -111,6 +111,36 @@ class Tiles(Strict):
     """And one pass over the whole picture, for those who are larger."""
 
 
+class FoundOfSize(Strict):
+    """The share of people of one size that is found in a single picture."""
+
+    person_px_from: float = Field(ge=0.0)
+    """Least size: the root of the box's area, in pixels of the evaluation's pictures. Example: `24`."""
+    person_px_below: float | None = Field(default=None, gt=0.0)
+    """Sizes from here on are others'. Absent: no end. Example: `32`."""
+    share: Accuracy
+    """Of the people of this size. Example: `0.9`."""
+    people: int = Field(ge=1)
+    """That it was measured on. Example: `120`."""
+
+
+class OperatingPoint(Strict):
+    """What the boxes above the score threshold are worth under one codec and bitrate."""
+
+    codec: Codec
+    """Of the video."""
+    bitrate: Bitrate
+    """Of the video. Example: `{kbps: 500}`."""
+    picture_width: int = Field(ge=1)
+    """Of the evaluation's pictures, pixels. Example: `1024`."""
+    calibration: Calibration | None = None
+    """Of the scores there; absent where there were too few boxes."""
+    found: tuple[FoundOfSize, ...] = ()
+    """People found, by size."""
+    false_boxes: float = Field(ge=0.0, allow_inf_nan=False)
+    """In a picture, on average. Example: `0.1`."""
+
+
 class PoolDetector(Strict):
     """One detector."""
 
@@ -138,6 +168,8 @@ class PoolDetector(Strict):
     """By codec."""
     accuracy_by_context: tuple[AccuracyInContext, ...] = ()
     """By the size that people are expected to have."""
+    operating_points: tuple[OperatingPoint, ...] = ()
+    """What its boxes are worth at each bitrate. Absent: the map goes by accuracy alone."""
     layout: str | Layout | None = None
     """How the file is read: a built-in layout's name, or a description ([detectors.md](detectors.md)). Absent:
     found out. Example: `yolov8`.
@@ -179,6 +211,8 @@ class PoolDetector(Strict):
         refuse_repeated("codec and bitrate", with_codec, at="accuracy_by_codec")
         in_context = [(row.person_px_from, row.bitrate) for row in self.accuracy_by_context]
         refuse_repeated("context and bitrate", in_context, at="accuracy_by_context")
+        operating = [(row.codec, row.bitrate) for row in self.operating_points]
+        refuse_repeated("codec and bitrate", operating, at="operating_points")
         refuse_repeated("machine type", [row.machine for row in self.times], at="times")
         return self
 

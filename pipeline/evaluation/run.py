@@ -17,6 +17,7 @@ from pipeline.evaluation.evaluation_folder import CACHE, check_evaluation_direct
 from pipeline.evaluation.measuring.cache import Cache
 from pipeline.evaluation.measuring.grid import Execute, Progress, plan_grid, run_grid
 from pipeline.evaluation.measuring.grid_results import GridResults, cells_of, score_use
+from pipeline.evaluation.measuring.operating_points import operating_points
 from pipeline.evaluation.measuring.precision import in_precision
 from pipeline.evaluation.measuring.setup_timing import SetupTiming
 from pipeline.evaluation.measuring.timings import timings_of
@@ -136,6 +137,7 @@ def _detector_file(found: GridResults, detector: EvaluatedDetector, model: Model
         calibration=use.calibration,
         calibration_error=use.error,
         calibrated_error=use.error_calibrated,
+        operating_points=operating_points(found, detector.id, use.threshold),
     )
 
 

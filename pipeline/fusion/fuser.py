@@ -37,10 +37,14 @@ from pipeline.geo.terrain import Terrain
 from pipeline.ingest.checks.box_sizes import size_bin
 from pipeline.messages import Detections, FloatArray
 from pipeline.sensor.expected_size import expected_person_px
+from pipeline.sensor.model import SensorModel
+from pipeline.sensor.substream import SubstreamModel, found_by_distance
 
 #: score of a box that a person's size may be read from
 _SURE = 0.5
 _NO_BOXES = np.zeros((0, 4))
+#: tables of the probability of being found that are kept, and the distances in one
+_TABLES, _STEPS = 256, 512
 _NO_WIDTHS = np.zeros((0, 2, 2)), np.zeros((0, 2, 2))
 
 
@@ -62,8 +66,11 @@ class Fuser:
         relative_accuracy: Mapping[str, float],
         folder: Path | None = None,
         owned: NDArray[np.bool_] | None = None,
+        substreams: Mapping[tuple[str, str], SubstreamModel] | None = None,
     ) -> None:
-        """cameras: by stream. relative_accuracy: p_det^rel in 0..1 by detector, else InputError.
+        """cameras: by stream. relative_accuracy: p_det^rel in 0..1 by detector, else InputError. substreams: by
+        stream and detector, what each is worth at its bitrate, in place of relative_accuracy; not for the paper's
+        rule.
 
         folder: where the maps may put what does not fit into memory. owned: the tiles that this fuser keeps,
         see sharding; all if absent.
@@ -85,7 +92,10 @@ class Fuser:
         self._terrain = terrain
         self._cameras, self._p_detector = dict(cameras), dict(relative_accuracy)
         self._optics = {stream: OpticsByFocalLength(camera, params) for stream, camera in cameras.items()}
-        self._uncertainty = EXACT if params.update_rule == "paper" else params.uncertainty
+        paper = params.update_rule == "paper"
+        self._uncertainty = EXACT if paper else params.uncertainty
+        self._substreams = {} if paper else dict(substreams or {})
+        self._found: dict[tuple[object, ...], FloatArray | None] = {}
         self.last_ns: dict[tuple[str, str], int] = {}
 
     def apply(self, detections: Detections) -> None:
@@ -224,7 +234,7 @@ class Fuser:
         row, column = self._terrain.cell(float(hit[0]), float(hit[1]))
         if not self.map.valid(row, column):
             return "no voxel"
-        p_detector = self._p_detector[detections.detector]
+        p_detector = self._worth(detections).raises
         p = model.positive(box, score, math.dist(hit, position), p_detector)
         if p <= 0.5:
             return "not the size of its class, or no trust"
@@ -273,10 +283,32 @@ class Fuser:
     ) -> None:
         """negativeUpdate of Algorithm grid_update. raised: rows and columns (2, N), and distances (N,)."""
         camera, optics = self._cameras[detections.stream], self._optics_of(detections)
-        model, p_detector = optics.models[name], self._p_detector[detections.detector]
+        model, p_detector = optics.models[name], self._worth(detections).lowers
         seen, distances_m = self._visibility.cells(
             camera, detections.pose, optics.reach_m, boxes_px, model.typical_height_m
         )
         voxel_map.observe(
-            seen, distances_m, *raised, model, p_detector, detections.time_ns, wide=wide, share=share
-        )
+            seen, distances_m, *raised, model, p_detector, detections.time_ns, wide, share,
+            self._found_by_distance(detections, model),
+        )  # fmt: skip
+
+    def _worth(self, detections: Detections) -> SubstreamModel:
+        """Of the detections' substream."""
+        known = self._substreams.get((detections.stream, detections.detector))
+        if known is not None:
+            return known
+        relative = self._p_detector[detections.detector]
+        return SubstreamModel(relative, relative)
+
+    def _found_by_distance(self, detections: Detections, model: SensorModel) -> FloatArray | None:
+        """See VoxelMap.observe."""
+        key = (detections.stream, detections.detector, detections.pose.focal_scale, model.object_class.name)
+        if key not in self._found:
+            while len(self._found) >= _TABLES:
+                del self._found[next(iter(self._found))]
+            distances_m = np.linspace(0.0, model.max_distance_m, _STEPS)
+            width = self._optics_of(detections).camera.width
+            self._found[key] = found_by_distance(
+                self._worth(detections), model.typical_px_m, width, distances_m
+            )
+        return self._found[key]

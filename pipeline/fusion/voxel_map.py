@@ -23,6 +23,7 @@ _CERTAINTY = 1e-9
 #: Frames that follow one another within this time are one look, nanoseconds.
 LOOK_GAP_NS = 1_000_000_000
 
+_NOT_KNOWN = np.zeros(0)
 _NONE = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.float32)
 
 #: What is kept of a voxel, 32 bytes; all zero where nothing is known. pod_before: POD of the looks before the
@@ -180,13 +181,16 @@ class VoxelMap:
         time_ns: int,
         wide: Footprints = NO_FOOTPRINTS,
         share: float = 1.0,
+        found: FloatArray | None = None,
     ) -> None:
         """Lower the voxels that a frame saw, raise those of its wide looks, and note how well it saw all of them.
 
         seen: int32 (2, N) rows and columns, each voxel once. distances_m: float64 (N,) from the camera;
         voxels beyond the model's greatest distance are left alone. raised: int64 (2, M) rows and columns of the
         looks' points. wide: the looks that have a width; if there is none, raised have been raised, and are not
-        lowered. share: of the frame's evidence that counts, 0..1.
+        lowered. share: of the frame's evidence that counts, 0..1. found: float64 (K,), the probability that an
+        object of the class is found at K equal steps from no distance to the model's greatest; absent: the paper's
+        distance factor, with p_detector.
         """
         observe(
             self.tiles.cells,
@@ -197,7 +201,12 @@ class VoxelMap:
             raised,
             raised_distances_m,
             (wide.windows, wide.starts, wide.raised, wide.shielded, wide.odds),
-            (p_detector * model.negative_max, model.frame_pod(0.0, p_detector), share),
+            (
+                model.negative_max * (p_detector if found is None else 1.0),
+                model.frame_pod(0.0, p_detector),
+                share,
+            ),
+            _NOT_KNOWN if found is None else found,
             (model.max_distance_m, model.resolution_px_m),
             (time_ns, LOOK_GAP_NS),
             self.limits,

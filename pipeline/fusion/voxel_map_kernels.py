@@ -21,7 +21,19 @@ def add_clamped(cells, flat, delta, low, high):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, error_model="numpy")
 def observe(  # type: ignore[no-untyped-def]
-    cells, owned, touched, seen, distances, raised, raised_distances, wide, strength, reach, time, limits
+    cells,
+    owned,
+    touched,
+    seen,
+    distances,
+    raised,
+    raised_distances,
+    wide,
+    strength,
+    found,
+    reach,
+    time,
+    limits,
 ):
     """Lower the seen voxels (2, N), raise those of the wide looks, and note how well all of them were seen.
 
@@ -29,14 +41,18 @@ def observe(  # type: ignore[no-untyped-def]
     (M,) from the camera, metres. raised: (2, M), the cells of the looks' points. wide: of the looks that have a
     width, as in ``footprint``: windows, starts, raised, shielded, and the odds e^R (W,) of their updates; where
     there is none, the cells of raised have been raised before, and are not lowered. strength: p_det^rel *
-    p_negative^max, POD of a frame from no distance, and the share of the frame's evidence that counts. reach:
+    p_negative^max, POD of a frame from no distance, and the share of the frame's evidence that counts. found: (K,),
+    the probability that somebody is found, at distances from 0 to where nobody is; then the first of strength is
+    p_negative^max alone, and POD is what is found; empty: both fall linearly with the distance, as the paper's. reach:
     metres, where both have fallen to 0 (farther voxels are not lowered), and pixels per person times metres.
     time: of the frame, and the longest pause within a look, ns. limits: of the log-odds.
     """
     negative, pod, share = strength
     max_distance, resolution = reach
     low, high = limits
-    per_m = 1.0 / max_distance
+    per_m, per_bin = 1.0 / max_distance, (found.size - 1) / max_distance
+    if found.size:
+        pod = 1.0
     width = wide[0].shape[0]
     done = np.zeros(wide[2].size, dtype=np.bool_)
     for i in range(seen.shape[1]):
@@ -45,7 +61,7 @@ def observe(  # type: ignore[no-untyped-def]
             continue
         touched[r >> TILE_BITS, c >> TILE_BITS] = True
         cell = cells[_flat(r, c, touched.shape[1])]
-        factor = 1.0 - distance * per_m
+        factor = found[int(distance * per_bin + 0.5)] if found.size else 1.0 - distance * per_m
         if width or not _among(r, c, raised):
             less = min(factor * negative, 0.5 - 1e-9)
             odds = (0.5 - less) / (0.5 + less)
@@ -60,6 +76,8 @@ def observe(  # type: ignore[no-untyped-def]
         if owned[raised[0, i] >> TILE_BITS, raised[1, i] >> TILE_BITS]:
             cell = cells[_flat(raised[0, i], raised[1, i], touched.shape[1])]
             factor = max(1.0 - raised_distances[i] / max_distance, 0.0)
+            if found.size and raised_distances[i] <= max_distance:
+                factor = found[int(raised_distances[i] * per_bin + 0.5)]
             _note_look(cell, pod * factor, resolution / raised_distances[i], time)
 
 

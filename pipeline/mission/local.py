@@ -10,6 +10,7 @@ from pipeline.allocation.plan import Assignment, Plan
 from pipeline.detection import open_pool_detector
 from pipeline.fusion.fuser import Fuser
 from pipeline.fusion.sequencer import Sequencer
+from pipeline.link.codec import Codec
 from pipeline.logs import Log
 from pipeline.messages import Message
 from pipeline.mission.onto import go_on
@@ -18,6 +19,7 @@ from pipeline.mission.stages.detector import DetectorStage
 from pipeline.mission.stages.reducer import ReducerStage
 from pipeline.mission.stages.source import SourceCount, SourceStage, StreamInput
 from pipeline.mission.stages.virtual_link import VirtualLink
+from pipeline.sensor.substream import SubstreamModel, as_sent, substream_model
 
 _LOG = Log("mission")
 #: a link may be so far behind before frames are dropped, seconds
@@ -92,13 +94,31 @@ def make_reducer(
     substreams = tuple((a.stream, a.detector) for a in plan.assignments)
     by_pool = relative_accuracy or prepared.relative_accuracy
     relative = {a.detector: by_pool[a.pool_detector] for a in plan.assignments}
-    fuser = Fuser(prepared.terrain, prepared.mission.fusion, prepared.cameras, relative)
+    worth = None if relative_accuracy else substream_models(prepared, plan)
+    fuser = Fuser(prepared.terrain, prepared.mission.fusion, prepared.cameras, relative, substreams=worth)
     if prepared.onto is not None:
         go_on(fuser, prepared.onto, min(s.start_ns for s in prepared.streams))
         _LOG.event("map goes on", run=prepared.onto.path, flights=len(prepared.onto.flights))
     lateness_ns = round(prepared.mission.fusion.lateness * 1e9) if lateness else None
     start_ns = {s.stream: s.start_ns for s in prepared.streams}
     return ReducerStage(fuser, Sequencer(substreams, lateness_ns, start_ns), substreams)
+
+
+def substream_models(prepared: PreparedMission, plan: Plan) -> dict[tuple[str, str], SubstreamModel]:
+    """What each substream of a plan is worth, at the bitrate and under the codec that it is sent with."""
+    pool = {d.id: d for d in prepared.pool.detectors}
+    best = max(row.accuracy for d in pool.values() for row in d.accuracy)
+    return {
+        (a.stream, a.detector): substream_model(
+            pool[a.pool_detector], codec_of(prepared, a), a.bitrate_bps, best, a.setup
+        )
+        for a in plan.assignments
+    }
+
+
+def codec_of(prepared: PreparedMission, assignment: Assignment) -> Codec:
+    """The codec of a substream."""
+    return assignment.codec or prepared.mission.processing.codec
 
 
 def make_detectors(prepared: PreparedMission, plan: Plan) -> dict[tuple[str, str], DetectorStage]:
@@ -108,12 +128,13 @@ def make_detectors(prepared: PreparedMission, plan: Plan) -> dict[tuple[str, str
 
 def make_detector(prepared: PreparedMission, assignment: Assignment) -> DetectorStage:
     """The stage of one substream."""
-    runnable = prepared.runnable(assignment.pool_detector)
-    detector = open_pool_detector(runnable, prepared.layers, assignment.setup)
+    codec = codec_of(prepared, assignment)
+    row = as_sent(prepared.runnable(assignment.pool_detector), codec, assignment.bitrate_bps)
+    detector = open_pool_detector(row, prepared.layers, assignment.setup)
     _LOG.event(
         "detector opened", stream=assignment.stream, detector=assignment.detector, setup=assignment.setup
     )
-    return DetectorStage(detector, assignment.codec or prepared.mission.processing.codec)
+    return DetectorStage(detector, codec)
 
 
 def bandwidth(prepared: PreparedMission, plan: Plan, stream: str) -> dict[str, float]:

@@ -77,6 +77,8 @@ class SensorModel:
         self.resolution_px_m = bbox_size_px(PERSON_HEIGHT_M, 1.0, camera.fy, camera.height, camera.height)
         #: of a typical object
         self.typical_height_m = self.object_class.typical_height or (size.height_min + size.height_max) / 2.0
+        #: root of the area of a typical object's box, pixels, times the distance, metres
+        self.typical_px_m = math.sqrt(self._box_area_px2(self._typical_width_m(), self.typical_height_m, 1.0))
         #: the area component of a typical object, the same at every distance
         self.typical_area_component = self._typical_area_component()
 
@@ -109,10 +111,12 @@ class SensorModel:
         greatest = self._box_area_px2(self._size.width_max, self._size.height_max, distance_m)
         return tukey_window((area_px2 - least) / (greatest - least), self._params.tukey_alpha)
 
+    def _typical_width_m(self) -> float:
+        return self.object_class.typical_width or (self._size.width_min + self._size.width_max) / 2.0
+
     def _typical_area_component(self) -> float:
-        size, typical = self._size, self.object_class
-        width = typical.typical_width or (size.width_min + size.width_max) / 2.0
-        return self._area_component(self._box_area_px2(width, self.typical_height_m, 1.0), 1.0)
+        area_px2 = self._box_area_px2(self._typical_width_m(), self.typical_height_m, 1.0)
+        return self._area_component(area_px2, 1.0)
 
     def _box_area_px2(self, width_m: float, height_m: float, distance_m: float) -> float:
         c = self._camera

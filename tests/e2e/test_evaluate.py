@@ -52,6 +52,10 @@ def test_from_an_evaluation_file_to_pool_tables_and_report(small_mission, tmp_pa
     assert detector.model.resolve() == (ROOT / "configs/detectors/small.onnx").resolve()
     assert detector.accuracy[0].bitrate == 100e3
     assert 0.2 < detector.accuracy[0].accuracy <= 1.0
+    (point,) = detector.operating_points
+    assert (point.codec, point.bitrate, point.picture_width) == ("h264", 100e3, 512)
+    assert all(0.0 <= row.share <= 1.0 and row.people >= 10 for row in point.found)
+    assert any(row.share > 0.2 for row in point.found)
     rows = list(csv.DictReader((out / "cells.csv").open()))
     assert {row["codec"] for row in rows} == {"source", "h264"}
     assert "simulated-scene accuracy" in (out / "report.html").read_text()

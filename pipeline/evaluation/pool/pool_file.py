@@ -12,6 +12,7 @@ import yaml
 from pipeline.config.base import FORMAT_VERSION
 from pipeline.config.pool import load_pool
 from pipeline.errors import InputError
+from pipeline.evaluation.measuring.operating_points import MeasuredOperatingPoint
 from pipeline.evaluation.measuring.setup_timing import SetupTiming
 from pipeline.evaluation.metrics.cell import Cell
 from pipeline.evaluation.report.results import DetectorFile, Results
@@ -106,6 +107,7 @@ def _detector(results: Results, detector: DetectorFile, folder: Path) -> dict[st
         "accuracy_by_size": [row for c in own_codec for row in _by_size(results, c)],
         "accuracy_by_codec": [row for c in cells for row in _with_codec(results, c)],
         "accuracy_by_context": [row for c in own_codec for row in _in_context(results, c)],
+        "operating_points": [_operating_point(point) for point in detector.operating_points],
         "times": [time_row(t) for t in timings],
     }
     if detector.card is not None:
@@ -114,6 +116,11 @@ def _detector(results: Results, detector: DetectorFile, folder: Path) -> dict[st
         document["assumed"] = assumed_of_stills(results)
     sharing = sharing_rows(timings)
     return document | ({"sharing": sharing} if sharing else {})
+
+
+def _operating_point(point: MeasuredOperatingPoint) -> dict[str, Any]:
+    row = point.model_dump(exclude={"bitrate_bps", "right", "wrong"}, exclude_none=True)
+    return row | {"bitrate": {"kbps": point.bitrate_bps / 1e3}, "found": list(row["found"])}
 
 
 def _accuracy(results: Results, cell: Cell) -> float | None:

@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from pipeline.config.evaluation import Metric
 from pipeline.config.pool import Calibration
 from pipeline.errors import InputError
+from pipeline.evaluation.measuring.operating_points import MeasuredOperatingPoint
 from pipeline.evaluation.measuring.setup_timing import SetupTiming
 from pipeline.evaluation.metrics.cell import Cell
 from pipeline.link.codec import Codec
@@ -23,7 +24,8 @@ class DetectorFile(_Record):
     """A detector as it was evaluated.
 
     score_threshold: where LRP over all conditions together is least. calibration: of the scores above it;
-    calibration_error: their expected calibration error, and after calibration, if there is one.
+    calibration_error: their expected calibration error, and after calibration, if there is one. operating_points:
+    what its boxes are worth under each condition.
     """
 
     id: str
@@ -35,6 +37,7 @@ class DetectorFile(_Record):
     calibration: Calibration | None = None
     calibration_error: float | None = None
     calibrated_error: float | None = None
+    operating_points: tuple[MeasuredOperatingPoint, ...] = ()
 
 
 class Provenance(_Record):

@@ -9,12 +9,12 @@ from typing import Any
 import pytest
 
 from pipeline.allocation.build import build_problem, max_frame_time_s, period_of
-from pipeline.allocation.levels import accuracy_at
 from pipeline.allocation.problem import Problem
 from pipeline.config.inventory import Inventory
 from pipeline.config.pool import AccuracyAt, Pool
 from pipeline.config.processing import Processing
 from pipeline.errors import InputError
+from pipeline.sensor.accuracy import accuracy_at
 
 WHERE = Path("mission.yaml")
 

@@ -43,7 +43,7 @@ def with_codec(codec: str, accuracy: float) -> dict[str, Any]:
 def test_without_codecs_a_level_is_a_bitrate() -> None:
     levels = levels_of(processing(), BITRATES)
     assert [(level.bitrate_bps, level.codec) for level in levels] == [(1e6, ""), (4e6, "")]
-    assert accuracies_of(network(), levels, WHERE) == (0.5, 0.8)
+    assert accuracies_of(network(), levels, "h264", WHERE) == (0.5, 0.8)
 
 
 def test_with_codecs_every_bitrate_comes_once_with_each() -> None:
@@ -55,13 +55,20 @@ def test_with_codecs_every_bitrate_comes_once_with_each() -> None:
         (4.0, "av1"),
     ]
     measured = network(accuracy_by_codec=[with_codec("h264", 0.4), with_codec("av1", 0.6)])
-    assert accuracies_of(measured, levels, WHERE) == (0.4, 0.6, 0.4, 0.6)
+    assert accuracies_of(measured, levels, "h264", WHERE) == (0.4, 0.6, 0.4, 0.6)
+
+
+def test_a_mission_in_one_codec_is_planned_with_that_codecs_accuracies() -> None:
+    levels = levels_of(processing(), BITRATES)
+    measured = network(accuracy_by_codec=[with_codec("h265", 0.7)])
+    assert accuracies_of(measured, levels, "h265", WHERE) == (0.7, 0.7)
+    assert accuracies_of(measured, levels, "vp9", WHERE) == (0.5, 0.8)
 
 
 def test_a_codec_that_the_pool_has_nothing_of_is_named() -> None:
     levels = levels_of(processing(codecs=["vp9"]), BITRATES)
     with pytest.raises(InputError, match=r"net.accuracy_by_codec: found nothing for vp9"):
-        accuracies_of(network(), levels, WHERE)
+        accuracies_of(network(), levels, "h264", WHERE)
 
 
 SIZES = [{"size": s, "bitrate": {"mbps": 1}, "accuracy": a} for s, a in (("small", 0.2), ("medium", 0.6))]

@@ -10,6 +10,7 @@ from pipeline.geo.pose import enu_from_camera
 from pipeline.ingest.checks.box_sizes import BINS, size_bin
 from pipeline.messages import CameraPose, Detections
 from pipeline.sensor.model import SensorModel
+from pipeline.sensor.substream import SubstreamModel
 
 #: 15 m above the ground, looking north and 45 degrees down: the optical axis meets the ground 15 m ahead.
 POSE = CameraPose(np.array([0.1, -0.1, 15.0]), enu_from_camera(0.0, math.radians(-45.0), 0.0))
@@ -217,3 +218,28 @@ def test_a_height_told_twice_as_great_doubles_the_measured_size(fuser):
     fuser.apply(_frame(PERSON, pose=higher, time_ns=2))
     first, second = sorted(size for _, size in fuser.sizes)
     assert (second - first) / BINS == pytest.approx(math.log(2.0), abs=1.5 / BINS)
+
+
+def test_where_it_is_known_who_would_have_been_found_that_lowers_and_is_the_pod(plane, params, camera):
+    model = SubstreamModel(1.0, 0.3, (4.0, 30.0, 90.0), (0.0, 0.5, 0.9), camera.width)
+    with_uncertainty = params.model_copy(update={"update_rule": "with_uncertainty"})
+    fuser = Fuser(plane, with_uncertainty, {"a": camera}, {"d": 1.0}, substreams={("a", "d"): model})
+    fuser.apply(_frame())
+    row, column = _cell(fuser, 0.1, 14.9)
+    center = plane.centers(np.array([row]), np.array([column]))[0]
+    person_px = 900.0 * math.sqrt(1.7 * 0.5) / math.dist(center, POSE.position_enu)
+    found = float(model.probability_found(np.array([person_px]), camera.width)[0])
+    assert 0.5 < found < 0.9
+    less = params.negative_max * found
+    expected = math.log((0.5 - less) / (0.5 + less))
+    assert float(fuser.map.log_odds[row, column]) == pytest.approx(expected, rel=5e-3)
+    assert float(fuser.map.pod[row, column]) == pytest.approx(found, rel=5e-3)
+
+
+def test_the_papers_rule_knows_no_substreams(plane, params, camera):
+    model = SubstreamModel(0.1, 0.1, (4.0, 30.0), (0.0, 0.5), camera.width)
+    plain = Fuser(plane, params, {"a": camera}, {"d": 1.0})
+    told = Fuser(plane, params, {"a": camera}, {"d": 1.0}, substreams={("a", "d"): model})
+    for fuser in (plain, told):
+        fuser.apply(_frame(PERSON))
+    np.testing.assert_array_equal(told.map.log_odds, plain.map.log_odds)

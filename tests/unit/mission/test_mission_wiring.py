@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -16,11 +17,12 @@ from pipeline.allocation.build import build_problem
 from pipeline.allocation.decomposed import solve
 from pipeline.allocation.plan import Plan, plan_from_json, plan_to_json
 from pipeline.config.inventory import Inventory
-from pipeline.config.pool import load_pool
+from pipeline.config.pool import PoolDetector, load_pool
 from pipeline.config.processing import Processing
 from pipeline.detection import session as session_module
 from pipeline.detection.model_file import sha256_of
 from pipeline.errors import InputError
+from pipeline.mission import local
 from pipeline.mission.local import make_detectors
 from pipeline.mission.stages import source as source_module
 from pipeline.mission.stages.source import SourceStage
@@ -189,3 +191,47 @@ def test_a_file_that_is_not_the_one_of_the_pool_is_refused(prepared):
     other = prepared.runnable("whole").model_copy(update={"sha256": "0" * 64})
     with pytest.raises(InputError, match=r"nano\.onnx: found a file of sha256 .*expected 000000000000"):
         open_pool_detector(other)
+
+
+def test_what_detections_are_worth_is_taken_at_the_plan_s_bitrate_and_codec(prepared, plan, monkeypatch):
+    seen = []
+    monkeypatch.setattr(
+        local, "open_pool_detector", lambda row, layers, setup: seen.append(row.calibration) or object()
+    )
+    monkeypatch.setattr(local, "DetectorStage", lambda detector, codec: codec)
+    measured = [
+        {"codec": codec, "bitrate": {"mbps": mbps}, "picture_width": 1024, "false_boxes": 0.1}
+        | {"calibration": {"scale": scale, "offset": 0.0}}
+        for codec, scales in (("h264", (1.0, 4.0)), ("h265", (7.0, 9.0)))
+        for mbps, scale in zip((1, 4), scales, strict=True)
+    ]
+    rows = [
+        PoolDetector.model_validate(row(d.id, "small", operating_points=measured))
+        for d in prepared.pool.detectors
+    ]
+    prepared.pool = prepared.pool.model_copy(update={"detectors": tuple(rows)})
+    prepared.runnable = lambda name: next(d for d in rows if d.id == name)
+    assignments = tuple(
+        replace(a, codec=codec) for a, codec in zip(plan.assignments, ("h264", "h265"), strict=True)
+    )
+    changed = replace(plan, assignments=assignments)
+    assert list(local.make_detectors(prepared, changed).values()) == ["h264", "h265"]
+    scales = {("h264", 1e6): 1.0, ("h264", 4e6): 4.0, ("h265", 1e6): 7.0, ("h265", 4e6): 9.0}
+    assert [c.scale for c in seen] == [scales[a.codec, a.bitrate_bps] for a in assignments]
+    worth = local.substream_models(prepared, changed)
+    for a in assignments:
+        assert worth[a.stream, a.detector].lowers == {1e6: 0.4, 4e6: 0.6}[a.bitrate_bps] / 0.6
+        assert worth[a.stream, a.detector].raises == 1.0
+
+
+def test_the_reducer_is_handed_what_each_substream_is_worth(prepared, plan, monkeypatch):
+    handed = {}
+    monkeypatch.setattr(local, "Fuser", lambda *_, **named: handed.update(named))
+    monkeypatch.setattr(local, "Sequencer", lambda *_: None)
+    fusion = SimpleNamespace(lateness=1.0)
+    prepared.mission = SimpleNamespace(processing=prepared.mission.processing, fusion=fusion)
+    prepared.terrain, prepared.cameras, prepared.streams, prepared.onto = None, {}, (), None
+    prepared.relative_accuracy = dict.fromkeys(("tiled", "whole"), 1.0)
+    local.make_reducer(prepared, plan, lateness=False)
+    assert handed["substreams"] == local.substream_models(prepared, plan)
+    assert set(handed["substreams"]) == {(a.stream, a.detector) for a in plan.assignments}
