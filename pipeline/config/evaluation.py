@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from pipeline.config.base import Strict, load, mismatch, refuse_repeated
+from pipeline.config.pool import Calibration
 from pipeline.config.units import Bitrate, Fraction, Hertz, PositiveSeconds
 from pipeline.link.codec import Codec
 
@@ -36,13 +37,31 @@ class FaultPolicy(Strict):
     not_finite: Policy = "refuse"
 
 
+class Sequences(Strict):
+    """Image files of a COCO file as sequences, by what keys of each image say.
+
+    by: the key whose values are the sequences, only: the values that are wanted, order: the key whose numbers
+    are the order within one.
+    """
+
+    by: str
+    only: tuple[int | str, ...] = Field(min_length=1)
+    order: str
+
+    @model_validator(mode="after")
+    def _once(self) -> Sequences:
+        refuse_repeated("sequence", self.only, at="only")
+        return self
+
+
 class DataSetFile(Strict):
     """One source of annotated pictures.
 
     format: coco: a JSON file; mission: the mission.yaml that ``searchlight simulate`` wrote; mot, visdrone: a
     folder as those data sets have it. root: what file names in COCO JSON are relative to; by default the
     JSON's folder. frame_rate: of sequences of image files; without it they cannot be transcoded.
-    simulated: whether the pictures are rendered; every report says so.
+    simulated: whether the pictures are rendered; every report says so. sequences: of a COCO file's image files
+    some, as sequences.
     """
 
     format: Literal["coco", "mission", "mot", "visdrone"]
@@ -50,11 +69,18 @@ class DataSetFile(Strict):
     root: Path | None = None
     frame_rate: Hertz | None = None
     simulated: bool | None = None
+    sequences: Sequences | None = None
 
     @property
     def is_simulated(self) -> bool:
         """As stated; otherwise a mission with its truth is taken for simulated."""
         return self.format == "mission" if self.simulated is None else self.simulated
+
+    @model_validator(mode="after")
+    def _sequences_are_of_coco(self) -> DataSetFile:
+        if self.sequences is not None and self.format != "coco":
+            raise mismatch(f"sequences of format {self.format}", "format: coco", ("sequences",))
+        return self
 
 
 class Transcoding(Strict):
@@ -81,12 +107,26 @@ class Transcoding(Strict):
 
 
 class EvaluatedDetector(Strict):
-    """An ONNX file; id: its name in the pool. precision: as the file has it, or converted first."""
+    """An ONNX file; id: its name in the pool. precision: as the file has it, or converted first.
+
+    score_threshold, calibration: as chosen elsewhere, on other pictures; without a threshold both come from the
+    pictures of this evaluation.
+    """
 
     id: str = Field(pattern=_ID)
     model: Path
     card: Path | None = None
     precision: Literal["as_exported", "float16", "int8"] = "as_exported"
+    score_threshold: float | None = Field(default=None, gt=0.0, lt=1.0)
+    calibration: Calibration | None = None
+
+    @model_validator(mode="after")
+    def _calibration_has_its_threshold(self) -> EvaluatedDetector:
+        if self.calibration is not None and self.score_threshold is None:
+            raise mismatch(
+                "calibration alone", "the score_threshold from which on it was fitted", ("calibration",)
+            )
+        return self
 
 
 class Setup(Strict):

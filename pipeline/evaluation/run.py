@@ -138,6 +138,7 @@ def _detector_file(found: GridResults, detector: EvaluatedDetector, model: Model
         calibration_error=use.error,
         calibrated_error=use.error_calibrated,
         operating_points=operating_points(found, detector.id, use.threshold),
+        scores_given=detector.score_threshold is not None,
     )
 
 

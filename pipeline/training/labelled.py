@@ -17,6 +17,7 @@ from pipeline.evaluation.datasets.coco import CocoOptions, dataset_of
 from pipeline.evaluation.datasets.coco_format import parsed
 from pipeline.evaluation.datasets.dataset import DataSet, sha256_of_file
 from pipeline.evaluation.datasets.fault_log import FaultLog
+from pipeline.evaluation.datasets.groups import of_groups
 from pipeline.training.config import LabelledPictures
 from pipeline.training.degradation import degrade
 from pipeline.training.pictures import BITRATES_BPS, PictureSet, is_complete, open_recorded, picture_files
@@ -41,9 +42,7 @@ def prepare_labelled(
         "groups": [data.split_by, *sorted(data.groups, key=str)],
     }
     if not is_complete(folder):
-        document = parsed(labels)
-        _require_groups(data, labels, document)
-        chosen = _chosen(data, document)
+        chosen = of_groups(parsed(labels), data.split_by, data.groups, labels)
         root = labels.parent if data.folder is None else base / data.folder
         options = CocoOptions(root, data.categories, 0.0, None, False)
         dataset = dataset_of(chosen, labels, options, FaultLog(FaultPolicy()), "")
@@ -55,32 +54,6 @@ def part(pictures: PictureSet, data: LabelledPictures, groups: tuple[int | str, 
     """The pictures of some groups, in the same files."""
     rows = [i for i, own in enumerate(pictures.attributes) if own[data.split_by] in groups]
     return replace(pictures, rows=np.array(rows, np.int64))
-
-
-def _require_groups(data: LabelledPictures, labels: Path, document: Any) -> None:
-    """Raises InputError if an image has no group, or a wanted group no image."""
-    images = document.get("images") if isinstance(document, dict) else None
-    if not isinstance(images, list):
-        raise InputError(labels, "no images", "a COCO JSON file")
-    there = set()
-    for number, image in enumerate(images):
-        group = image.get(data.split_by) if isinstance(image, dict) else None
-        if not isinstance(group, int | str):
-            where = f"{labels} images.{number}.{data.split_by}"
-            raise InputError(where, repr(group), "a number or a text: the training file splits by it")
-        there.add(group)
-    for group in data.groups:
-        if group not in there:
-            known = ", ".join(map(str, sorted(there, key=str)))
-            raise InputError(labels, f"no image of {data.split_by} {group}", f"one of {known}")
-
-
-def _chosen(data: LabelledPictures, document: Any) -> dict[str, Any]:
-    """The same document with the images of the wanted groups and their annotations only."""
-    images = [i for i in document["images"] if i[data.split_by] in data.groups]
-    kept = {i.get("id") for i in images}
-    annotations = [a for a in document.get("annotations", ()) if a.get("image_id") in kept]
-    return {**document, "images": images, "annotations": annotations}
 
 
 def _write(

@@ -58,12 +58,14 @@ def leave_one_out(
 def _without(training: Training, given: LabelledPictures, group: int | str, steps: int | None) -> Training:
     others = tuple(g for g in given.groups if g != group)
     own = given.model_copy(update={"train": others, "calibration": (), "test": (group,)})
-    changed = {} if steps is None else {"steps": steps}
+    full = training.optimisation
+    # a shorter schedule still has to learn for most of its length
+    changed = {} if steps is None else {"steps": steps, "warmup_steps": min(full.warmup_steps, steps // 10)}
     return training.model_copy(
         update={
             "name": f"{training.name}-without-{group}",
             "labelled": own,
-            "optimisation": training.optimisation.model_copy(update=changed),
+            "optimisation": full.model_copy(update=changed),
         }
     )
 

@@ -7,9 +7,11 @@ import json
 from pipeline.config.evaluation import DataSetFile, Evaluation
 from pipeline.errors import InputError
 from pipeline.evaluation.datasets.coco import CocoOptions, dataset_of, read_coco
+from pipeline.evaluation.datasets.coco_format import parsed
 from pipeline.evaluation.datasets.converters import converted
 from pipeline.evaluation.datasets.dataset import DataSet, joined, sha256_of_texts
 from pipeline.evaluation.datasets.fault_log import FaultLog
+from pipeline.evaluation.datasets.groups import in_sequences
 from pipeline.evaluation.datasets.mission_truth import read_mission
 
 
@@ -29,6 +31,9 @@ def _read(source: DataSetFile, evaluation: Evaluation, faults: FaultLog) -> Data
     )
     if source.format == "mission":
         return read_mission(path, options, faults)
+    if source.sequences is not None:
+        document = in_sequences(parsed(path), source.sequences, path)
+        return dataset_of(document, path, options, faults, sha256_of_texts([json.dumps(document)]))
     if source.format == "coco":
         return read_coco(path, options, faults)
     document = converted(source.format, path, faults)

@@ -140,6 +140,7 @@ class ScoreUse:
     """How a detector's scores are to be used, judged over all conditions together.
 
     threshold: where LRP is least, never below the cut-off; two decimals. calibration: of the boxes above it.
+    Both as given, if the evaluation file gives them.
     error, error_calibrated: expected calibration error of those boxes' scores as they are, and calibrated.
     """
 
@@ -152,11 +153,15 @@ class ScoreUse:
 def score_use(results: GridResults, detector: str) -> ScoreUse:
     """See ScoreUse."""
     matches = _all_matches(results, detector)
-    best = optimal_lrp(lrp_curve(matches, _PERSON))
-    threshold = round(min(max(best.threshold, results.evaluation.score_cutoff), 1.0), 2)
+    given = next(d for d in results.evaluation.detectors if d.id == detector)
+    threshold = given.score_threshold
+    if threshold is None:
+        best = optimal_lrp(lrp_curve(matches, _PERSON))
+        threshold = round(min(max(best.threshold, results.evaluation.score_cutoff), 1.0), 2)
     counted = ~matches.ignored[0] & (matches.score >= threshold)
     score, right = matches.score[counted], matches.right[0, counted]
-    calibration = fit_calibration(score, right)
+    chosen_here = given.score_threshold is None
+    calibration = fit_calibration(score, right) if chosen_here else given.calibration
     after = None if calibration is None else calibration_error(calibrated(score, calibration), right)
     return ScoreUse(threshold, calibration, calibration_error(score, right), after)
 

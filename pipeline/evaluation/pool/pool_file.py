@@ -68,12 +68,16 @@ def _provenance(results: Results) -> dict[str, Any]:
         "simulated-scene accuracy, not measured on real video" if p.simulated else "measured on real pictures"
     )
     under = "of pictures as they are" if _of_stills(results) else f"under {results.codec}"
+    elsewhere = [d.id for d in results.detectors if d.scores_given]
+    given = (
+        f"of {', '.join(elsewhere)} as the evaluation file gives it, from other pictures" if elsewhere else ""
+    )
     return {
         "accuracy": f"{_METRICS[results.metric]} {under}; {what}",
         "people": f"{p.people} in {p.pictures} pictures of {len(p.sequences)} sequences",
         "sizes": ", ".join(f"{size} {share:.0%}" for size, share in p.size_mix.items()),
-        "score_threshold": "where LRP is least, over all conditions",
-        "calibration": "of the scores above it, at IoU 0.5, over all conditions",
+        "score_threshold": given or "where LRP is least, over all conditions",
+        "calibration": given or "of the scores above it, at IoU 0.5, over all conditions",
         "memory": f"peak of a process of its own, times {_MEMORY_MARGIN:g}",
         "times": "per picture, from pixels to boxes, warm-up left out",
         "evaluation": p.evaluation,

@@ -25,7 +25,8 @@ class DetectorFile(_Record):
 
     score_threshold: where LRP over all conditions together is least. calibration: of the scores above it;
     calibration_error: their expected calibration error, and after calibration, if there is one. operating_points:
-    what its boxes are worth under each condition.
+    what its boxes are worth under each condition. scores_given: threshold and calibration are the evaluation
+    file's, chosen on other pictures.
     """
 
     id: str
@@ -38,6 +39,7 @@ class DetectorFile(_Record):
     calibration_error: float | None = None
     calibrated_error: float | None = None
     operating_points: tuple[MeasuredOperatingPoint, ...] = ()
+    scores_given: bool = False
 
 
 class Provenance(_Record):

@@ -10,6 +10,7 @@ import pytest
 import yaml
 
 from pipeline.config.evaluation import load_evaluation
+from pipeline.config.pool import Calibration
 from pipeline.errors import InputError
 from pipeline.evaluation.datasets.fault_log import FaultLog
 from pipeline.evaluation.datasets.read_datasets import read_datasets
@@ -163,12 +164,26 @@ def test_cells_hold_the_bitrate_obtained_and_the_largest_packet(planned, tmp_pat
     assert (cells[1].figures.ap, cells[1].figures.molrp, cells[1].figures.threshold) == (0.0, 1.0, None)
 
 
+def test_a_threshold_and_calibration_from_other_pictures_are_kept(planned, tmp_path):
+    asked, dataset, grid = planned
+    given = {"score_threshold": 0.4, "calibration": Calibration(scale=2.0, offset=0.1)}
+    detectors = (asked.detectors[0].model_copy(update=given),)
+    asked = asked.model_copy(update={"detectors": detectors})
+    found = GridResults(asked, dataset, grid, run(planned, Cache(tmp_path / "c"), result))
+    use = score_use(found, "nano")
+    assert (use.threshold, use.calibration) == (0.4, given["calibration"])
+
+
 def test_odd_settings_are_refused_with_file_and_field(small_mission, tmp_path):
     for changes, message in (
         ({"pool": {"codec": "av1"}}, "pool.codec: found av1; expected one of transcoding.codecs: h264, vp9"),
         ({"detectors": [{"id": "a", "model": "x"}] * 2}, "detectors.1: found detector 'a' again"),
         ({"sample_rate": 2}, "sample_rate: found 2"),
         ({"score_cutoff": 1.5}, "score_cutoff: found 1.5"),
+        (
+            {"detectors": [{"id": "a", "model": "x", "calibration": {"scale": 1, "offset": 0}}]},
+            "detectors.0.calibration: found calibration alone",
+        ),
         ({"timing": {"setups": [{"machine": "m", "threads": 2, "clock": "processor"}]}}, "setups.0.clock"),
         ({"faults": {"outside_box": "maybe"}}, "faults.outside_box: found 'maybe'"),
         ({"tests": 1}, "tests: found an unknown key"),

@@ -11,7 +11,7 @@ torch = pytest.importorskip("torch", reason="the extra [train] is not installed"
 
 from pipeline.errors import InputError  # noqa: E402
 from pipeline.training.config import load_training  # noqa: E402
-from pipeline.training.optimiser import Optimiser, learning_rate  # noqa: E402
+from pipeline.training.optimiser import Optimiser, batch_of, learning_rate  # noqa: E402
 from pipeline.training.pictures import PictureSet  # noqa: E402
 
 CONFIGS = Path(__file__).parents[3] / "configs" / "detectors"
@@ -69,9 +69,13 @@ def silent(*_):
     pass
 
 
+def step_on(optimiser: Optimiser, pictures: PictureSet) -> float:
+    return sum(optimiser.take_step(batch_of(pictures, optimiser.training, optimiser.step)))
+
+
 def test_the_loss_falls(squares, toy):
     optimiser = Optimiser(toy)
-    losses = [sum(optimiser.take_step(squares)) for _ in range(40)]
+    losses = [step_on(optimiser, squares) for _ in range(40)]
     assert np.mean(losses[-5:]) < 0.6 * np.mean(losses[:5])
 
 
@@ -80,7 +84,7 @@ def test_an_interrupted_training_ends_with_the_same_weights(squares, toy, tmp_pa
     straight.run(squares, tmp_path / "straight.pt", silent, silent)
     first = Optimiser(toy)
     while first.step < 17:
-        first.take_step(squares)
+        step_on(first, squares)
     first.save(tmp_path / "stopped.pt")
     second = Optimiser(toy)
     second.resume(tmp_path / "stopped.pt")
@@ -115,7 +119,7 @@ def test_a_training_that_begins_with_a_missing_one_is_refused(toy, tmp_path):
 def test_half_precision_learns_as_well(squares, toy):
     half = toy.optimisation.model_copy(update={"half_precision": True})
     optimiser = Optimiser(toy.model_copy(update={"optimisation": half}))
-    losses = [sum(optimiser.take_step(squares)) for _ in range(40)]
+    losses = [step_on(optimiser, squares) for _ in range(40)]
     assert np.mean(losses[-5:]) < 0.6 * np.mean(losses[:5])
 
 
