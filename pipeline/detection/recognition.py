@@ -173,7 +173,12 @@ def _names(
     names = facts.names
     if names is not None:
         if count is not None and len(names) != count:
-            return _other_count(path, facts, names, count)
+            raise InputError(
+                f"{path} names",
+                f"{len(names)} names for {count} classes",
+                "one for each class; a head that gives more than boxes and classes is not read"
+                " (rotated boxes, masks, poses)",
+            )
         return names, []
     if count == len(COCO_80):
         return COCO_80, ["the names of COCO's 80 classes, since it has 80 and says no names"]
@@ -193,16 +198,6 @@ def _names(
         "names: in the pool, its classes in order (or coco, coco91)",
         section_of(facts, proposal) + "\nnames: [?]",
     )
-
-
-def _other_count(
-    path: Path, facts: Facts, names: tuple[str, ...], count: int
-) -> tuple[tuple[str, ...], list[str]]:
-    """Names that are fewer than the classes name the first ones; more cannot be."""
-    if len(names) < count and names == metadata_names(facts.metadata):
-        rest = tuple(f"class {k}" for k in range(len(names), count))
-        return (*names, *rest), [f"that its {len(names)} names are those of the first of {count} classes"]
-    raise InputError(f"{path} names", f"{len(names)} names", f"as many as its classes, {count}")
 
 
 def _described_classes(layout: Layout, facts: Facts) -> int | None:

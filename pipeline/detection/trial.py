@@ -143,7 +143,7 @@ def _impossible(found: Candidates, outputs: Outputs, size: tuple[int, int], prop
     scores = found.scores[finite]
     if scores.size and (scores.min() < -_TOLERANCE or scores.max() > 1.0 + _TOLERANCE):
         return f"scores would be {scores.min():.3g} to {scores.max():.3g}, not 0 to 1"
-    for check in (_objectness, _upright, _pixels, _classes):
+    for check in (_objectness, _shares, _upright, _pixels, _classes):
         wrong = check(found, outputs, size, proposal)
         if wrong is not None:
             return wrong
@@ -163,6 +163,21 @@ def _objectness(found: Candidates, outputs: Outputs, _: tuple[int, int], proposa
     if not ones and proposal.name == "yolov6":
         return "its objectness is not 1 everywhere"
     return None
+
+
+def _shares(_: Candidates, outputs: Outputs, __: tuple[int, int], proposal: Proposal) -> str | None:
+    """Whether every column of a row that is read as a score is one: angles, masks' weights, key points are not."""
+    output = proposal.layout.output
+    if not isinstance(output, Rows) or output.activation != "none":
+        return None
+    values = outputs[output.tensor]
+    columns = np.asarray(values[:, 4:] if output.order == "rows" else values[4:].T, np.float64)
+    low, high = columns.min(axis=0, initial=0.0), columns.max(axis=0, initial=1.0)
+    (odd,) = np.nonzero((low < -_TOLERANCE) | (high > 1.0 + _TOLERANCE))
+    if not len(odd):
+        return None
+    first = int(odd[0])
+    return f"scores would be {low[first]:.3g} to {high[first]:.3g}, not 0 to 1 (value {first + 5} of a row)"
 
 
 def _upright(found: Candidates, *_: object) -> str | None:

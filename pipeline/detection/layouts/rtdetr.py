@@ -13,7 +13,10 @@ from pipeline.detection.layouts.proposal import IMAGENET_MEAN, IMAGENET_STD, Pro
 
 name = "rtdetr"
 _MOST_QUERIES = 1000
-_COCO_IDS = 91
+#: COCO's 91 numbers and nobody
+_DETR_CLASSES = 92
+#: what RF-DETR's own export calls boxes and class values; others tell nothing
+_RFDETR_NAMES = ("dets", "labels")
 
 
 def propose(facts: Facts) -> list[Proposal]:
@@ -53,19 +56,23 @@ def _without(facts: Facts) -> list[Proposal]:
     if boxes.shape[0] == facts.cells(8, 16, 32) or len(scores.shape) != 2:
         return []
     classes = int(scores.shape[1] or 0)
-    why = (f"{boxes.shape[0]} queries of boxes and {classes} class values",)
+    why = [f"{boxes.shape[0]} queries of boxes and {classes} class values"]
+    # the two differ in the picture alone, which only names or the trial picture can tell
+    is_rfdetr = (boxes.name, scores.name) == _RFDETR_NAMES
+    if is_rfdetr:
+        why.append("its outputs have the names that RF-DETR's export gives them")
     pairs = {"boxes": boxes.name, "scores": scores.name, "box": "cxcywh", "unit": "shares"}
     sigmoid = Pairs.model_validate({**pairs, "activation": "sigmoid"})
     plain = Layout(input=picture_input(facts, placement="stretched", filter="triangle"), output=sigmoid)
     return [
-        Proposal("rtdetr", plain, why, classes, usual=classes != _COCO_IDS),
-        Proposal("rfdetr", Layout(input=_imagenet(facts), output=sigmoid), why, classes, usual=classes != 80),
+        Proposal("rtdetr", plain, tuple(why), classes, usual=not is_rfdetr),
+        Proposal("rfdetr", Layout(input=_imagenet(facts), output=sigmoid), tuple(why), classes),
         Proposal(
             "detr",
             Layout(input=_imagenet(facts), output=Pairs.model_validate({**pairs, "activation": "softmax"})),
             (*why, "the last class being nobody"),
             classes - 1,
-            usual=classes == _COCO_IDS + 1,
+            usual=classes == _DETR_CLASSES and not is_rfdetr,
         ),
     ]
 
