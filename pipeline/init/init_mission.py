@@ -11,6 +11,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
+from pipeline.config.camera import CameraSource
 from pipeline.config.telemetry import Telemetry
 from pipeline.config.terrain import Datum
 from pipeline.errors import InputError
@@ -18,6 +19,8 @@ from pipeline.geo.frame import LocalFrame
 from pipeline.geo.geoid import undulation_m
 from pipeline.geo.surface_model import SurfaceModel
 from pipeline.geo.terrain import load_terrain
+from pipeline.ingest.cameras.choice import choose_camera
+from pipeline.ingest.cameras.picture_facts import picture_facts
 from pipeline.ingest.ground import middle_of
 from pipeline.ingest.registry import read_telemetry
 from pipeline.ingest.track import Track
@@ -123,13 +126,13 @@ def _stream(
     found = pairs[0]
     track = None if found.telemetry is None else contents.telemetry[found.telemetry]
     height = HeightChoice("absolute", None, "") if track is None else _height(track, ground)
-    camera, reason = _camera(videos[0], contents)
+    camera, reason, of_camera = _camera(videos[0], contents, track)
     return StreamDraft(
         id=name,
         videos=tuple(v.path for v in videos),
         telemetry=_files_of(pairs, contents),
         pairing=found.reason,
-        assumed=() if track is None else track.assumed,
+        assumed=(*(() if track is None else track.assumed), *of_camera),
         height=height.height,
         height_datum=height.height_datum,
         height_reason=height.reason,
@@ -150,13 +153,21 @@ def _files_of(pairs: list[Pair], contents: Contents) -> Path | tuple[Path, ...] 
     return pairs[0].telemetry
 
 
-def _camera(video: VideoInfo, contents: Contents) -> tuple[Path | str, str]:
-    """The calibration that lies there and fits the video's pictures, or what a person must fill in."""
+def _camera(
+    video: VideoInfo, contents: Contents, track: Track | None
+) -> tuple[Path | str, str, tuple[str, ...]]:
+    """The calibration that lies there and fits the video's pictures, nothing where the metadata tell, or what a person
+    must fill in; why; and what is assumed.
+    """
     fitting = [p for p, c in contents.cameras.items() if (c.width, c.height) == (video.width, video.height)]
     if len(fitting) == 1:
-        return fitting[0], ""
-    why = f"{len(fitting)} calibrations fit its pictures" if fitting else "the camera is not known"
-    return _CAMERA, f"{why}; its angle of view is on its data sheet"
+        return fitting[0], "", ()
+    facts = picture_facts(video.path.name, (video.width, video.height), (video.path,), track)
+    try:
+        return "", "", choose_camera(CameraSource(), facts).assumed
+    except InputError as error:
+        why = f"{len(fitting)} calibrations fit its pictures" if fitting else error.found
+    return _CAMERA, f"{why}; its angle of view is on its data sheet", ()
 
 
 def _height(track: Track, ground: Ground | None) -> HeightChoice:

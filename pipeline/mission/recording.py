@@ -15,12 +15,13 @@ from pipeline.geo.camera import Camera
 from pipeline.geo.frame import LocalFrame
 from pipeline.ingest.cameras.calibration_file import read_calibration
 from pipeline.ingest.cameras.choice import ChosenCamera, PictureFacts, choose_camera
+from pipeline.ingest.cameras.picture_facts import picture_facts
 from pipeline.ingest.clock import Alignment, align, on_the_videos_clock
 from pipeline.ingest.finding import Finding
 from pipeline.ingest.joined import joined
 from pipeline.ingest.registry import read_telemetry
 from pipeline.ingest.sampling import require_rate
-from pipeline.ingest.telemetry.stills_metadata import dated_stills
+from pipeline.ingest.telemetry.stills_metadata import camera_of, dated_stills
 from pipeline.ingest.track import Track
 from pipeline.ingest.trajectory import Trajectory
 from pipeline.ingest.trajectory_of import Ground, trajectory_of
@@ -79,7 +80,7 @@ def read_recording(path: Path, mission: Mission, stream: Stream) -> Recording:
     """Read the files of a stream. path: of the mission. Raises InputError with every independent fault."""
     faults = Faults()
     with faults.collected():
-        video = _source(mission, stream)
+        video, calibrated = _source(mission, stream)
         if video.info.constant:
             where = f"{path} processing.frame_rate"
             require_rate(mission.processing.frame_rate, video.info.frame_rate, where)
@@ -98,7 +99,7 @@ def read_recording(path: Path, mission: Mission, stream: Stream) -> Recording:
             angles = read_telemetry(kept)
     faults.raise_if_any()
     track = joined(tracks, video.offsets_s, stream.telemetry.file)
-    chosen = choose_camera(stream.camera, _facts(path, stream, video, track))
+    chosen = choose_camera(stream.camera, _facts(path, stream, video, track, calibrated))
     alignment = align(
         track,
         stream.telemetry,
@@ -111,26 +112,21 @@ def read_recording(path: Path, mission: Mission, stream: Stream) -> Recording:
     return Recording(stream, video, track, angles, chosen, alignment)
 
 
-def _facts(path: Path, stream: Stream, video: Recordings | StillsSource, track: Track) -> PictureFacts:
-    """What telemetry and video say of the camera. path: of the mission."""
-    focal_mm = track.focal_length_35mm
-    known = focal_mm is not None and bool(np.isfinite(focal_mm).any())
-    return PictureFacts(
-        video.info.width,
-        video.info.height,
-        f"{path} streams.{stream.id}",
-        (track.camera_name,) if track.camera_name else (),
-        None,
-        float(np.nanmin(focal_mm)) if known and focal_mm is not None else 0.0,
-    )
+def _facts(
+    path: Path, stream: Stream, video: Recordings | StillsSource, track: Track, calibrated: Camera | None
+) -> PictureFacts:
+    """What telemetry and pictures say of the camera. path: of the mission."""
+    size = video.info.width, video.info.height
+    return picture_facts(f"{path} streams.{stream.id}", size, stream.videos, track, calibrated)
 
 
-def _source(mission: Mission, stream: Stream) -> Recordings | StillsSource:
+def _source(mission: Mission, stream: Stream) -> tuple[Recordings | StillsSource, Camera | None]:
+    """The pictures, and the camera that stills say they are of."""
     if stream.stills is None:
-        return open_recordings(stream.videos, stream.start, stream.end, _threads(mission))
+        return open_recordings(stream.videos, stream.start, stream.end, _threads(mission)), None
     stills, _ = dated_stills(stream.stills)
     times_s = np.array([((s.date_ns or 0) - (stills[0].date_ns or 0)) * 1e-9 for s in stills])
-    return open_stills(tuple(s.path for s in stills), times_s, stream.start, stream.end)
+    return open_stills(tuple(s.path for s in stills), times_s, stream.start, stream.end), camera_of(stills)
 
 
 def _threads(mission: Mission) -> int:

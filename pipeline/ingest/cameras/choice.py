@@ -15,6 +15,7 @@ from pipeline.errors import InputError
 from pipeline.geo.camera import Camera
 from pipeline.geo.lens import fold_radius_px
 from pipeline.ingest.cameras.calibration_file import read_calibration
+from pipeline.ingest.cameras.known_cameras import KnownCamera, find_camera, known_cameras
 
 #: diagonal and width of a picture on 35 mm film, millimetres
 FILM_MM = {"diagonal": math.hypot(36.0, 24.0), "horizontal": 36.0}
@@ -25,6 +26,11 @@ SPECIFIED_SD = 0.02
 VIDEO_CROP_SD = 0.10
 #: pictures this much wider than high are videos' 16:9: a sensor is 4:3 or 3:2
 _VIDEO_ASPECT = 1.6
+#: pictures of another shape than the stills show all of the sensor's width or height, or a few per cent less: 5.6 % of
+#: a Mavic Air (3840 of 4056 columns, mavicpilots.com 85331), 3 % of a Mini 3 (75 degrees instead of 81.5,
+#: forum.flylitchi.com 11483); what that leaves is worth is a judgement
+_CROP, _CROP_SD = 1.03, 0.05
+_SAME_SHAPE = 0.01
 #: what rounding to whole pixels does to an aspect ratio
 _SAME_ASPECT = 0.005
 WAYS_TO_SAY_IT = (
@@ -170,11 +176,43 @@ def _plain(pictures: PictureFacts, focal_px: float, sd: float) -> Camera:
 
 
 def _from_metadata(pictures: PictureFacts) -> ChosenCamera:
+    focal_mm = pictures.focal_length_35mm
     if pictures.calibration is not None:
         camera, scaled = fitted(pictures.calibration, pictures.width, pictures.height, pictures.where)
-        focal = pictures.focal_length_35mm or None
-        return ChosenCamera(camera, focal, (f"{pictures.where}: camera as its metadata say", *scaled))
-    if pictures.focal_length_35mm > 0.0:
-        return _equivalent(EquivalentFocalLength(millimeters=pictures.focal_length_35mm), pictures)
-    named = f", of a camera called {pictures.names[0][:60]!r}" if pictures.names else ""
+        said = f"{pictures.where}: camera as its metadata say, good to {camera.focal_sd:.1%}"
+        return ChosenCamera(camera, focal_mm or None, (said, *scaled))
+    size = pictures.width, pictures.height
+    known = find_camera(pictures.names, size, focal_mm, pictures.where, WAYS_TO_SAY_IT)
+    if known is not None:
+        return _known(known, pictures)
+    if focal_mm > 0.0:
+        return _equivalent(EquivalentFocalLength(millimeters=focal_mm), pictures)
+    named = ""
+    if pictures.names:
+        named = f", of a camera called {pictures.names[0][:60]!r}, not one of the {len(known_cameras())} that are known"
     raise InputError(f"{pictures.where} camera", f"no focal length in the metadata{named}", WAYS_TO_SAY_IT)
+
+
+def _known(known: KnownCamera, pictures: PictureFacts) -> ChosenCamera:
+    """A camera of the list, for whole pictures or a part. Raises InputError for a focal length below its least."""
+    focal_mm = pictures.focal_length_35mm
+    if focal_mm and not known.is_widest(focal_mm) and focal_mm < known.equivalent:
+        found = (
+            f"a focal length of {focal_mm:g} mm, of a {known.camera}, whose least is {known.equivalent:g} mm"
+        )
+        raise InputError(f"{pictures.where} camera", found, WAYS_TO_SAY_IT)
+    width, height = known.stills
+    if (pictures.width < pictures.height) != (width < height):
+        width, height = height, width  # the camera, or its pictures, stand upright
+    across, down = pictures.width / width, pictures.height / height
+    focal_px = known.focal_over_width * known.stills[0] * max(across, down)
+    sd, part = known.focal_sd, ""
+    if abs(across / down - 1.0) > _SAME_SHAPE and not known.only:
+        focal_px, sd = _CROP * focal_px, math.hypot(known.focal_sd, known.video_sd or _CROP_SD)
+        part = f"; not of the shape of its stills, so {_CROP - 1.0:.0%} less than the whole sensor"
+    said = (
+        f"{pictures.where}: the camera is a {known.camera}, known by its name: {focal_px:.0f} pixels, good to {sd:.1%}"
+        f"{part}; source: {known.source}"
+    )
+    belongs_mm = focal_mm if focal_mm and known.is_widest(focal_mm) else known.equivalent
+    return ChosenCamera(_plain(pictures, focal_px, sd), belongs_mm, (said,))

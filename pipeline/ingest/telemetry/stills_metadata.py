@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta, timezone
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,8 @@ from typing import Any
 from PIL import Image
 
 from pipeline.errors import InputError
+from pipeline.geo.camera import Camera
+from pipeline.ingest.cameras.dji_calibration import TAGS, common_camera, dji_camera
 from pipeline.ingest.samples import LeftOut, Sample, track_of
 from pipeline.ingest.track import Track
 
@@ -38,14 +40,16 @@ _FIELDS = {
     "RtkStdHgt": "height_sd",
 }
 _EXIF, _GPS = 0x8769, 0x8825
-_TAKEN, _SUBSECONDS, _OFFSET, _FOCAL_35MM, _MODEL = 0x9003, 0x9291, 0x9011, 0xA405, 0x0110
+_TAKEN, _SUBSECONDS, _OFFSET, _FOCAL_35MM = 0x9003, 0x9291, 0x9011, 0xA405
+_MAKE, _MODEL, _ORIENTATION = 0x010F, 0x0110, 0x0112
 
 
 @dataclass(frozen=True, slots=True)
 class StillTags:
     """date_ns: when it was taken, ns since 1970; on UTC if is_utc, else on the camera's local time.
 
-    values: by the names of a Sample's fields. camera: the model's name.
+    values: by the names of a Sample's fields. camera: the maker's and the model's name. size: of the picture as it is
+    stored, pixels; 0, 0 if it lies on its side. lens: what DJI's XMP says of the camera itself, tag -> text.
     """
 
     path: Path
@@ -53,6 +57,8 @@ class StillTags:
     is_utc: bool
     values: Mapping[str, float]
     camera: str | None
+    size: tuple[int, int] = (0, 0)
+    lens: Mapping[str, str] = field(default_factory=dict)
 
 
 def is_stills(path: Path, head: bytes) -> bool:
@@ -101,16 +107,32 @@ def tags_of(path: Path) -> StillTags:
         with Image.open(path) as image:
             exif = image.getexif()
             own, gps = exif.get_ifd(_EXIF), exif.get_ifd(_GPS)
-            model = exif.get(_MODEL)
+            camera = _camera(exif.get(_MAKE), exif.get(_MODEL))
+            size = image.size if exif.get(_ORIENTATION, 1) < 5 else (0, 0)
         with path.open("rb") as file:
             head = file.read(_HEAD_BYTES)
     except (OSError, ValueError, SyntaxError, EOFError, Image.DecompressionBombError):
         return StillTags(path, None, False, {}, None)
     date_ns, is_utc = _date(own)
     focal = _number(own.get(_FOCAL_35MM))
-    values = _position(gps) | ({"focal_length_35mm": focal} if focal else {}) | _of_xmp(head)
-    camera = str(model).strip("\0 ") if model else None
-    return StillTags(path, date_ns, is_utc, values, camera)
+    xmp = {m[1].decode(): (m[2] or m[3] or b"").decode("ascii", "replace") for m in _XMP.finditer(head)}
+    values = _position(gps) | ({"focal_length_35mm": focal} if focal else {}) | _of_xmp(xmp)
+    return StillTags(
+        path, date_ns, is_utc, values, camera, size, {tag: xmp[tag] for tag in TAGS if tag in xmp}
+    )
+
+
+def camera_of(stills: Sequence[StillTags]) -> Camera | None:
+    """The camera that DJI's drones write into their stills; None if they do not, or not of one lens."""
+    return common_camera([dji_camera(still.lens, *still.size) for still in stills])
+
+
+def _camera(make: object, model: object) -> str | None:
+    """Maker and model in one, the maker once."""
+    maker, name = (str(part or "").strip("\0 ") for part in (make, model))
+    if not name:
+        return None
+    return name if not maker or name.lower().startswith(maker.lower()) else f"{maker} {name}"
 
 
 def _date(tags: Mapping[int, Any]) -> tuple[int | None, bool]:
@@ -144,8 +166,7 @@ def _position(gps: Mapping[int, Any]) -> dict[str, float]:
     return values
 
 
-def _of_xmp(head: bytes) -> dict[str, float]:
-    tags = {m[1].decode(): (m[2] or m[3] or b"").decode("ascii", "replace") for m in _XMP.finditer(head)}
+def _of_xmp(tags: Mapping[str, str]) -> dict[str, float]:
     values = {
         field: number for tag, field in _FIELDS.items() if (number := _number(tags.get(tag))) is not None
     }

@@ -8,6 +8,10 @@ from pathlib import Path
 import av
 from av.container import InputContainer
 
+#: where containers say which camera it was; an encoder is named there too, unless it is a drone
+_MODELS = ("com.apple.quicktime.model", "com.android.model", "model", "encoder")
+_MAKES = ("com.apple.quicktime.make", "com.android.manufacturer", "make")
+_ENCODERS_ARE = ("dji", "skydio", "parrot", "autel")
 #: a camera whose clock was never set writes 1904 or 1970
 _FIRST_YEAR = 1990
 
@@ -30,3 +34,20 @@ def created_of(container: InputContainer) -> int | None:
     if moment.year < _FIRST_YEAR:
         return None
     return round((moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp() * 1e9)
+
+
+def camera_names(path: Path) -> tuple[str, ...]:
+    """What the container calls the camera, the best name first; none if it does not."""
+    try:
+        with av.open(str(path)) as container:
+            tags = {key.lower(): value.strip("\0 ") for key, value in container.metadata.items()}
+    except (av.FFmpegError, OSError, ValueError):
+        return ()
+    make = next((tags[key] for key in _MAKES if tags.get(key)), "")
+    names = []
+    for key in _MODELS:
+        name = tags.get(key, "")
+        if not name or (key == "encoder" and not name.lower().startswith(_ENCODERS_ARE)):
+            continue
+        names.append(name if name.lower().startswith(make.lower()) else f"{make} {name}")
+    return tuple(names)
