@@ -82,10 +82,14 @@ def check(
     # only now: the solver takes 50 MB, which the decoders of large videos have given back by then
     from pipeline.mission.one_picture import push_one_picture
     from pipeline.mission.planning import plan
+    from pipeline.mission.proportions import check_networks, people_in_networks
 
     result = plan(prepared)
-    for finding in (*prepared.findings, *push_one_picture(prepared, result)):
+    found = (*push_one_picture(prepared, result), *check_networks(prepared, result))
+    for finding in (*prepared.findings, *found):
         _say(str(finding))
+    for person in people_in_networks(prepared, result):
+        _say(f"{person.stream}: {person.sentence}")
     for a in result.assignments:
         rate_hz = prepared.mission.processing.frame_rate / a.period
         _say(f"planned: {a.stream}: {a.pool_detector} looks at {rate_hz:g} pictures a second, on {a.machine}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
@@ -61,27 +62,58 @@ class ObjectClass(Strict):
     """The same of its height. Example: `{meters: 1.5}`."""
 
 
-class Fusion(Strict):
-    """The sensor model and the salient locations (the paper's section 'Detection fusion')."""
+#: boxes of people, standing or lying, near or half hidden
+_PERSON_SIZE = ObjectSize.model_construct(width_min=0.2, width_max=2.2, height_min=0.2, height_max=2.2)
+#: the height that the default cell size is for, metres
+_USUAL_HEIGHT_M = 50.0
+_LEAST_CELL_M, _MOST_CELL_M, _CELL_STEP_M = 0.5, 2.0, 0.25
+#: people who are nearer to each other are one place by default, metres
+_APART_M = 2.0
 
-    cell_size: PositiveMeters
-    """Side of the map's cells. Example: `{meters: 0.5}`."""
-    positive_max: HalfFraction
-    """How much a sure detection raises a probability above 0.5. Example: `0.36`."""
-    negative_max: HalfFraction
-    """How much a look that found nothing lowers a probability below 0.5, at most. Example: `0.2`."""
-    tukey_alpha: Fraction
-    """Share of the range of box sizes over which detections count less towards its ends. Example: `0.5`."""
-    significant_point: SignificantPoint
-    """The point of a box of a person that stands for the place. Example: `bottom_center`."""
-    object_size: ObjectSize
+
+def default_cell_m(uncertainty: Uncertainty) -> float:
+    """Twice what a look from 50 m is off by its noise, in steps of 0.25 m, at least 0.5 m and at most 2 m.
+
+    Finer cells cost time and tell nothing more; in coarser ones neighbours become one.
+    """
+    noise_m = math.hypot(uncertainty.position_noise, _USUAL_HEIGHT_M * uncertainty.attitude_noise)
+    cell_m = math.ceil(round(2.0 * noise_m / _CELL_STEP_M, 6)) * _CELL_STEP_M
+    return min(max(cell_m, _LEAST_CELL_M), _MOST_CELL_M)
+
+
+def default_cluster_m(cell_m: float) -> float:
+    """Two metres, or two cells if that is more: cells that touch are one place anyway."""
+    return max(_APART_M, 2.0 * cell_m)
+
+
+class Fusion(Strict):
+    """The sensor model and the salient locations (the paper's section 'Detection fusion').
+
+    A mission needs none of it.
+    """
+
+    cell_size: PositiveMeters = math.nan
+    """Side of the map's cells. Absent: twice what a look from 50 m is off by its noise (`uncertainty`), from 0.5 m
+    to 2 m. Example: `{meters: 0.5}`.
+    """
+    positive_max: HalfFraction = 0.36
+    """How much a sure detection raises a probability above 0.5."""
+    negative_max: HalfFraction = 0.2
+    """How much a look that found nothing lowers a probability below 0.5, at most."""
+    tukey_alpha: Fraction = 0.5
+    """Share of the range of box sizes over which detections count less towards its ends."""
+    significant_point: SignificantPoint = "bottom_center"
+    """The point of a box of a person that stands for the place."""
+    object_size: ObjectSize = _PERSON_SIZE
     """Of persons, the detectors' class 0."""
     further_classes: tuple[ObjectClass, ...] = ()
     """What else is mapped, each class in a layer of its own."""
-    threshold: Fraction
-    """Places above this probability are reported; more than 0.5, less than `clamp_max`. Example: `0.7`."""
-    cluster_distance: PositiveMeters
-    """Cells above the threshold that are closer than that are one place. Example: `{meters: 2}`."""
+    threshold: Fraction = 0.7
+    """Places above this probability are reported; more than 0.5, less than `clamp_max`."""
+    cluster_distance: PositiveMeters = math.nan
+    """Cells above the threshold that are closer than that are one place. Absent: 2 m, or two cells if that is more.
+    Example: `{meters: 2}`.
+    """
     possible_frames: int = Field(default=3, ge=2)
     """A place below the threshold that was detected in so many frames is listed apart, as possible."""
     update_rule: Literal["with_uncertainty", "paper"] = "with_uncertainty"
@@ -92,14 +124,20 @@ class Fusion(Strict):
     """Least probability of a cell."""
     clamp_max: float = Field(default=0.971, gt=0.5, le=1.0)
     """Greatest probability of a cell."""
-    lateness: PositiveSeconds
-    """With `--pace realtime`: how long a result is waited for before later ones are applied. Example:
-    `{seconds: 2}`.
-    """
+    lateness: PositiveSeconds = 2.0
+    """With `--pace realtime`: how long a result is waited for before later ones are applied."""
     uncertainty: Uncertainty = Uncertainty()
     """Of what places are computed from."""
     second_look: SecondLook = SecondLook()
     """What is worth a second look."""
+
+    @model_validator(mode="after")
+    def _cells_follow_from_the_errors(self) -> Fusion:
+        if math.isnan(self.cell_size):
+            object.__setattr__(self, "cell_size", default_cell_m(self.uncertainty))
+        if math.isnan(self.cluster_distance):
+            object.__setattr__(self, "cluster_distance", default_cluster_m(self.cell_size))
+        return self
 
     @model_validator(mode="after")
     def _threshold_can_be_reached(self) -> Fusion:

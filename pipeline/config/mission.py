@@ -95,8 +95,8 @@ class Mission(Strict):
     """The [pool](#pool) of detectors. Example: `pool.yaml`."""
     processing: Processing
     """What the plan may do."""
-    fusion: Fusion
-    """How detections become a map."""
+    fusion: Fusion = Fusion()
+    """How detections become a map. Absent: by the defaults."""
     truth: Path | None = None
     """Where the people really were (GeoJSON points), to be compared with. Example: `people.geojson`."""
     search_area: Path | None = None

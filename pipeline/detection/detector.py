@@ -77,6 +77,11 @@ class Detector:
         return None if self.setup.tiling is not None else self._preparation.size
 
     @property
+    def input_size(self) -> tuple[int, int] | None:
+        """Width and height of the network's input, which a picture or a tile of it is made to fit; None: any."""
+        return self._preparation.size
+
+    @property
     def class_ids(self) -> frozenset[int]:
         """Ids of the layers of the map that it knows."""
         return frozenset(self._ids.tolist())

@@ -19,13 +19,14 @@ from pipeline.mission.simulated_only import knows_simulation_only
 @dataclass(frozen=True)
 class PoolLook:
     """findings: what was assumed of models. known: names of the layers that each detector with a model knows.
-    picture_sizes: width and height that each of them looks at, None: the picture's. simulated: ids of those that
-    have seen simulated people only.
+    picture_sizes: width and height that each of them makes of a picture, by id; None: it looks at it as it is.
+    input_sizes: of the networks; None: any. simulated: ids of those that have seen simulated people only.
     """
 
     findings: tuple[Finding, ...]
     known: Mapping[str, frozenset[str]]
-    picture_sizes: tuple[tuple[int, int] | None, ...]
+    picture_sizes: Mapping[str, tuple[int, int] | None]
+    input_sizes: Mapping[str, tuple[int, int] | None]
     simulated: tuple[str, ...] = ()
 
 
@@ -41,7 +42,8 @@ def look_at_detectors(pool: Pool, layers: Mapping[str, int], where: Path) -> Poo
     """
     with_model = [d for d in pool.detectors if d.model is not None]
     reasons = survived([d.model for d in with_model if d.model is not None])
-    findings, known, sizes, simulated = [], {}, [], []
+    findings, known, sizes, simulated = [], {}, {}, []
+    inputs: dict[str, tuple[int, int] | None] = {}
     for detector in with_model:
         reason = None if detector.model is None else reasons[detector.model]
         if reason is not None:
@@ -49,13 +51,13 @@ def look_at_detectors(pool: Pool, layers: Mapping[str, int], where: Path) -> Poo
         opened = open_pool_detector(detector, layers)
         known[detector.id] = frozenset(name for name, number in layers.items() if number in opened.class_ids)
         findings += _assumed(detector.id, opened)
-        sizes.append(opened.picture_size)
+        sizes[detector.id], inputs[detector.id] = opened.picture_size, opened.input_size
         simulated += [detector.id] if knows_simulation_only(opened) else []
         if detector.assumed is not None:
             findings.append(Finding("assumed", "detector_row", f"detector {detector.id}", detector.assumed))
     if known:
         require_layers(layers, known, where, f"detector of the pool ({', '.join(known)})")
-    return PoolLook(tuple(findings), known, tuple(sizes), tuple(simulated))
+    return PoolLook(tuple(findings), known, sizes, inputs, tuple(simulated))
 
 
 def require_planned_layers(

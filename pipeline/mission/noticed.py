@@ -25,6 +25,7 @@ from pipeline.ingest.track import Track
 from pipeline.ingest.trajectory import Trajectory
 from pipeline.mission.memory import give_back
 from pipeline.mission.prepared import PreparedMission
+from pipeline.mission.proportions import check_proportions
 from pipeline.mission.stages.source import StreamInput
 
 #: positions in coarser steps than this do not tell how a drone moved within a burst, metres
@@ -36,7 +37,8 @@ _SLOWEST_S = 2.5
 
 def noticed(prepared: PreparedMission) -> PreparedMission:
     """The mission, with what the checks found beside what was found in reading it."""
-    return replace(prepared, findings=(*prepared.findings, *_of_samples(prepared), *_of_motion(prepared)))
+    found = (*_of_samples(prepared), *_of_motion(prepared), *check_proportions(prepared))
+    return replace(prepared, findings=(*prepared.findings, *found))
 
 
 def _of_samples(prepared: PreparedMission) -> list[Finding]:

@@ -69,6 +69,7 @@ class PreparedMission:
     findings: what was noticed and assumed on the way. left_out: samples not used, stream -> reason -> count.
     known_layers: of the map, by name, of every detector of the pool that has a model. tracks: the samples of each
     stream. heights: what the map's heights count from. onto: the run whose map goes on.
+    input_sizes: width and height of the input of every network of the pool, by the detector's id; None: any.
     """
 
     path: Path
@@ -85,6 +86,7 @@ class PreparedMission:
     tracks: Mapping[str, Track] = field(default_factory=dict)
     heights: Heights = UNKNOWN
     onto: EarlierRun | None = None
+    input_sizes: Mapping[str, tuple[int, int] | None] = field(default_factory=dict)
 
     @property
     def clock(self) -> Clock:
@@ -133,7 +135,7 @@ def prepare(path: Path, onto: EarlierRun | None = None) -> PreparedMission:
             require_codec(codec)
     filmed = read_filmed(path, mission, faults, onto)
     mission, terrain, cameras, streams = filmed.mission, filmed.terrain, filmed.cameras, filmed.streams
-    streams = tuple(replace(s, source=as_sent(s.source, look.picture_sizes)) for s in streams)
+    streams = tuple(replace(s, source=as_sent(s.source, look.picture_sizes.values())) for s in streams)
     unfit = simulated_only(look.simulated, [file for s in streams for file in s.source.paths])
     own_site = {s.id: s.site for s in mission.streams}
     person_px = {}
@@ -156,6 +158,7 @@ def prepare(path: Path, onto: EarlierRun | None = None) -> PreparedMission:
         filmed.tracks,
         filmed.heights,
         onto,
+        look.input_sizes,
     )
 
 

@@ -23,6 +23,7 @@ from pipeline.mission.ledger import stream_account, substream_counts
 from pipeline.mission.local import FinishedRun
 from pipeline.mission.onto import STATE_FILE
 from pipeline.mission.prepared import PreparedMission
+from pipeline.mission.proportions import check_networks
 from pipeline.mission.run_state import save_run_state
 from pipeline.outputs.dji_route import write_dji_route
 from pipeline.outputs.map_picture import map_picture, png, second_look_picture
@@ -125,7 +126,11 @@ def _summary(
         not_taken=run.reducer.not_taken,
         provenance=_provenance(),
         clock=prepared.clock,
-        findings=(*prepared.findings, *_of_box_sizes(prepared, run)),
+        findings=(
+            *prepared.findings,
+            *check_networks(prepared, run.plan),
+            *_of_box_sizes(prepared, run),
+        ),
         left_out=prepared.left_out,
         own_detections=run.own_detections,
     )

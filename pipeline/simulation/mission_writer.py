@@ -14,6 +14,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
+from pipeline.config.commented import commented_mission
 from pipeline.config.scenario import load_scenario
 from pipeline.errors import InputError
 from pipeline.simulation.flight import Flight
@@ -54,7 +55,9 @@ def write_rehearsal(
         with RenderPool(rehearsal, workers or os.cpu_count() or 1) as pool:
             for number in range(len(rehearsal.flights)):
                 _write_drone(folder, rehearsal, number, pool, progress)
-        _write_yaml(folder / "mission.yaml", mission_document(rehearsal.scenario, out))
+        document = mission_document(rehearsal.scenario, out)
+        head = "A simulated mission, written by searchlight simulate. What each key means stands above it."
+        (folder / "mission.yaml").write_text(commented_mission(document, head), encoding="utf-8")
     return out / "mission.yaml"
 
 

@@ -1,0 +1,185 @@
+"""Whether a mission's sizes go together: cells and errors, cells and places, people and networks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.allocation.plan import Assignment, Plan
+from pipeline.config.fusion import Fusion, default_cell_m, default_cluster_m
+from pipeline.fusion.look_covariance import look_covariances
+from pipeline.geo.camera import Camera
+from pipeline.geo.terrain import Terrain
+from pipeline.ingest.finding import Finding
+from pipeline.messages import CameraPose, FloatArray
+from pipeline.mission.prepared import PreparedMission
+from pipeline.mission.stages.source import StreamInput
+from pipeline.sensor.expected_size import PERSON_HEIGHT_M, PERSON_WIDTH_M
+from pipeline.sensor.model import SensorModel
+
+#: cells so much smaller than the noise of a look tell nothing more
+_TOO_FINE = 4.0
+#: cells larger than this hold two people, metres
+_TOO_COARSE_M = 2.0
+#: less of a chance in one frame is worth a warning
+_LOW_POD = 0.3
+_FARTHEST_M = 3000.0
+
+
+@dataclass(frozen=True)
+class PersonInNetwork:
+    """How a person in the middle of a stream's pictures looks to a detector of the plan: the median over its seconds.
+
+    distance_m: from the camera. network_px: height in pixels of the network's input. pod: of one frame, 0..1.
+    """
+
+    stream: str
+    detector: str
+    distance_m: float
+    network_px: float
+    pod: float
+
+    @property
+    def sentence(self) -> str:
+        """For people."""
+        return (
+            f"at {self.distance_m:.0f} m a person is {self.network_px:.0f} pixels high in the network of "
+            f"{self.detector}; its probability of detection in one frame is {self.pod:.1f}"
+        )
+
+
+def people_in_networks(prepared: PreparedMission, plan: Plan) -> list[PersonInNetwork]:
+    """For every substream whose camera sees ground in the middle of its pictures and whose network is known."""
+    found = []
+    for stream in prepared.streams:
+        camera = prepared.cameras[stream.stream]
+        seen = _middles(stream, camera, prepared.terrain)
+        for a in (a for a in plan.assignments if a.stream == stream.stream):
+            if seen and a.pool_detector in prepared.input_sizes:
+                found.append(_in_network(prepared, a, camera, seen))
+    return found
+
+
+def check_networks(prepared: PreparedMission, plan: Plan) -> list[Finding]:
+    """A warning for every substream in which a person is hard to find."""
+    return [
+        Finding(
+            "warning",
+            "small_in_network",
+            f"stream {p.stream}",
+            p.sentence,
+            "",
+            "fly lower, a longer focal length, or a detector that looks at tiles",
+        )
+        for p in people_in_networks(prepared, plan)
+        if p.pod < _LOW_POD
+    ]
+
+
+def check_proportions(prepared: PreparedMission) -> list[Finding]:
+    """Warnings where cell size, cluster distance and errors do not go together."""
+    fusion, where = prepared.mission.fusion, f"{prepared.path} fusion"
+    findings = _of_cells(where, fusion)
+    noises = [
+        noise
+        for stream in prepared.streams
+        if (noise := _noise_m(stream, prepared.cameras[stream.stream], prepared.terrain, fusion)) is not None
+    ]
+    return findings + (_of_noise(where, fusion, max(noises)) if noises else [])
+
+
+def _of_cells(where: str, fusion: Fusion) -> list[Finding]:
+    cell_m, cluster_m, findings = fusion.cell_size, fusion.cluster_distance, []
+    if cluster_m < cell_m:
+        text = (
+            f"cluster_distance {cluster_m:g} m is less than cell_size {cell_m:g} m: cells that touch are one place"
+            f" anyway, so people nearer than {2 * cell_m:g} m are one"
+        )
+        mend = f"cluster_distance: {{meters: {default_cluster_m(cell_m):g}}}, or a smaller cell_size"
+        findings.append(Finding("warning", "cluster_distance", where, text, "", mend))
+    if cell_m > _TOO_COARSE_M:
+        text = f"cells of {cell_m:g} m: people who are nearer to each other are one place"
+        findings.append(Finding("warning", "cell_size", where, text, "", _mend(fusion)))
+    return findings
+
+
+def _of_noise(where: str, fusion: Fusion, noise_m: float) -> list[Finding]:
+    """noise_m: of a look, one standard deviation in its worst direction."""
+    evidence = f"a look at the middle of a picture is off by {noise_m:.2f} m (one standard deviation)"
+    if noise_m > fusion.uncertainty.widest_look:
+        text = f"places are known to {noise_m:.1f} m only: every box is refused, and nobody can be found"
+        mend = "truer errors in fusion.uncertainty, or a larger widest_look"
+        return [Finding("warning", "places_too_vague", where, text, evidence, mend)]
+    if fusion.update_rule == "paper" and noise_m > 0.5 * fusion.cell_size:
+        text = (
+            f"under the paper's rule sightings that scatter over cells of {fusion.cell_size:g} m lower each other:"
+            " people are lost"
+        )
+        mend = f"update_rule: with_uncertainty, or cell_size: {{meters: {math.ceil(4 * noise_m) / 2:g}}}"
+        return [Finding("warning", "cell_size", where, text, evidence, mend)]
+    if fusion.cell_size * _TOO_FINE < noise_m:
+        text = f"cells of {fusion.cell_size:g} m are far finer than places are known: they cost time and tell nothing"
+        return [Finding("warning", "cell_size", where, text, evidence, _mend(fusion))]
+    return []
+
+
+def _mend(fusion: Fusion) -> str:
+    return f"cell_size: {{meters: {default_cell_m(fusion.uncertainty):g}}}, or none: then it follows from the errors"
+
+
+def _noise_m(stream: StreamInput, camera: Camera, terrain: Terrain, fusion: Fusion) -> float | None:
+    """The median over a stream's seconds of what a look is off by its noise, in its worst direction, metres."""
+    pixel_rad = 1.0 / math.sqrt(camera.fx * camera.fy)
+    noises = []
+    for pose, hit in _middles(stream, camera, terrain):
+        noise, _ = look_covariances(hit[None], pose, fusion.uncertainty, pixel_rad, camera.focal_sd)
+        noises.append(math.sqrt(float(np.linalg.eigvalsh(noise[0])[1])))
+    return float(np.median(noises)) if noises else None
+
+
+def _middles(stream: StreamInput, camera: Camera, terrain: Terrain) -> list[tuple[CameraPose, FloatArray]]:
+    """The camera's poses, once a second, that see ground in the middle of the picture, and where (3,)."""
+    middle = np.array([[camera.cx, camera.cy]])
+    found = []
+    for time_s in np.arange(stream.video.start_s, stream.end_s, 1.0):
+        pose = stream.trajectory.pose(float(time_s))
+        if pose is None:
+            continue
+        hit = terrain.intersect(pose.position_enu, camera.rays_enu(middle, pose)[0], _FARTHEST_M)
+        if hit is not None:
+            found.append((pose, hit))
+    return found
+
+
+def _in_network(
+    prepared: PreparedMission,
+    assignment: Assignment,
+    camera: Camera,
+    seen: Sequence[tuple[CameraPose, FloatArray]],
+) -> PersonInNetwork:
+    distances, heights = [], []
+    for pose, hit in seen:
+        distance_m = math.dist(pose.position_enu, hit)
+        down = math.asin(max(-1.0, min(1.0, float(pose.position_enu[2] - hit[2]) / distance_m)))
+        across_m = PERSON_HEIGHT_M * abs(math.cos(down)) + PERSON_WIDTH_M * abs(math.sin(down))
+        distances.append(distance_m)
+        heights.append(camera.fy * pose.focal_scale * across_m / distance_m)
+    distance_m, picture_px = float(np.median(distances)), float(np.median(heights))
+    model = SensorModel(camera, prepared.mission.fusion)
+    pod = model.frame_pod(distance_m, prepared.relative_accuracy[assignment.pool_detector])
+    scale = _scale(prepared.input_sizes[assignment.pool_detector], assignment, camera)
+    return PersonInNetwork(
+        assignment.stream, assignment.pool_detector, distance_m, picture_px * scale, float(pod)
+    )
+
+
+def _scale(size: tuple[int, int] | None, assignment: Assignment, camera: Camera) -> float:
+    """Pixels of a network's input for each pixel of the picture: of its height, where the sides differ."""
+    if size is None:
+        return 1.0
+    tiling = assignment.setup.tiling
+    width, height = (camera.width, camera.height) if tiling is None else (tiling.width, tiling.height)
+    return min(size[0] / width, size[1] / height)
