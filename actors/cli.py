@@ -81,8 +81,8 @@ def check(
     prepared = noticed(prepare(mission))
     # only now: the solver takes 50 MB, which the decoders of large videos have given back by then
     from pipeline.mission.one_picture import push_one_picture
+    from pipeline.mission.people_in_networks import check_networks, people_in_networks
     from pipeline.mission.planning import plan
-    from pipeline.mission.proportions import check_networks, people_in_networks
 
     result = plan(prepared)
     found = (*push_one_picture(prepared, result), *check_networks(prepared, result))

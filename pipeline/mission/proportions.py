@@ -1,14 +1,11 @@
-"""Whether a mission's sizes go together: cells and errors, cells and places, people and networks."""
+"""Whether a mission's sizes go together: cells and errors, cells and places."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.allocation.plan import Assignment, Plan
 from pipeline.config.fusion import Fusion, default_cell_m, default_cluster_m
 from pipeline.fusion.look_covariance import look_covariances
 from pipeline.geo.camera import Camera
@@ -17,66 +14,12 @@ from pipeline.ingest.finding import Finding
 from pipeline.messages import CameraPose, FloatArray
 from pipeline.mission.prepared import PreparedMission
 from pipeline.mission.stages.source import StreamInput
-from pipeline.sensor.expected_size import PERSON_HEIGHT_M, PERSON_WIDTH_M
-from pipeline.sensor.model import SensorModel
 
 #: cells so much smaller than the noise of a look tell nothing more
 _TOO_FINE = 4.0
 #: cells larger than this hold two people, metres
 _TOO_COARSE_M = 2.0
-#: less of a chance in one frame is worth a warning
-_LOW_POD = 0.3
 _FARTHEST_M = 3000.0
-
-
-@dataclass(frozen=True)
-class PersonInNetwork:
-    """How a person in the middle of a stream's pictures looks to a detector of the plan: the median over its seconds.
-
-    distance_m: from the camera. network_px: height in pixels of the network's input. pod: of one frame, 0..1.
-    """
-
-    stream: str
-    detector: str
-    distance_m: float
-    network_px: float
-    pod: float
-
-    @property
-    def sentence(self) -> str:
-        """For people."""
-        return (
-            f"at {self.distance_m:.0f} m a person is {self.network_px:.0f} pixels high in the network of "
-            f"{self.detector}; its probability of detection in one frame is {self.pod:.1f}"
-        )
-
-
-def people_in_networks(prepared: PreparedMission, plan: Plan) -> list[PersonInNetwork]:
-    """For every substream whose camera sees ground in the middle of its pictures and whose network is known."""
-    found = []
-    for stream in prepared.streams:
-        camera = prepared.cameras[stream.stream]
-        seen = _middles(stream, camera, prepared.terrain)
-        for a in (a for a in plan.assignments if a.stream == stream.stream):
-            if seen and a.pool_detector in prepared.input_sizes:
-                found.append(_in_network(prepared, a, camera, seen))
-    return found
-
-
-def check_networks(prepared: PreparedMission, plan: Plan) -> list[Finding]:
-    """A warning for every substream in which a person is hard to find."""
-    return [
-        Finding(
-            "warning",
-            "small_in_network",
-            f"stream {p.stream}",
-            p.sentence,
-            "",
-            "fly lower, a longer focal length, or a detector that looks at tiles",
-        )
-        for p in people_in_networks(prepared, plan)
-        if p.pod < _LOW_POD
-    ]
 
 
 def check_proportions(prepared: PreparedMission) -> list[Finding]:
@@ -134,13 +77,13 @@ def _noise_m(stream: StreamInput, camera: Camera, terrain: Terrain, fusion: Fusi
     """The median over a stream's seconds of what a look is off by its noise, in its worst direction, metres."""
     pixel_rad = 1.0 / math.sqrt(camera.fx * camera.fy)
     noises = []
-    for pose, hit in _middles(stream, camera, terrain):
+    for pose, hit in middles(stream, camera, terrain):
         noise, _ = look_covariances(hit[None], pose, fusion.uncertainty, pixel_rad, camera.focal_sd)
         noises.append(math.sqrt(float(np.linalg.eigvalsh(noise[0])[1])))
     return float(np.median(noises)) if noises else None
 
 
-def _middles(stream: StreamInput, camera: Camera, terrain: Terrain) -> list[tuple[CameraPose, FloatArray]]:
+def middles(stream: StreamInput, camera: Camera, terrain: Terrain) -> list[tuple[CameraPose, FloatArray]]:
     """The camera's poses, once a second, that see ground in the middle of the picture, and where (3,)."""
     middle = np.array([[camera.cx, camera.cy]])
     found = []
@@ -152,34 +95,3 @@ def _middles(stream: StreamInput, camera: Camera, terrain: Terrain) -> list[tupl
         if hit is not None:
             found.append((pose, hit))
     return found
-
-
-def _in_network(
-    prepared: PreparedMission,
-    assignment: Assignment,
-    camera: Camera,
-    seen: Sequence[tuple[CameraPose, FloatArray]],
-) -> PersonInNetwork:
-    distances, heights = [], []
-    for pose, hit in seen:
-        distance_m = math.dist(pose.position_enu, hit)
-        down = math.asin(max(-1.0, min(1.0, float(pose.position_enu[2] - hit[2]) / distance_m)))
-        across_m = PERSON_HEIGHT_M * abs(math.cos(down)) + PERSON_WIDTH_M * abs(math.sin(down))
-        distances.append(distance_m)
-        heights.append(camera.fy * pose.focal_scale * across_m / distance_m)
-    distance_m, picture_px = float(np.median(distances)), float(np.median(heights))
-    model = SensorModel(camera, prepared.mission.fusion)
-    pod = model.frame_pod(distance_m, prepared.relative_accuracy[assignment.pool_detector])
-    scale = _scale(prepared.input_sizes[assignment.pool_detector], assignment, camera)
-    return PersonInNetwork(
-        assignment.stream, assignment.pool_detector, distance_m, picture_px * scale, float(pod)
-    )
-
-
-def _scale(size: tuple[int, int] | None, assignment: Assignment, camera: Camera) -> float:
-    """Pixels of a network's input for each pixel of the picture: of its height, where the sides differ."""
-    if size is None:
-        return 1.0
-    tiling = assignment.setup.tiling
-    width, height = (camera.width, camera.height) if tiling is None else (tiling.width, tiling.height)
-    return min(size[0] / width, size[1] / height)

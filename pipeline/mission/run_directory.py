@@ -22,8 +22,8 @@ from pipeline.mission.found_place_crops import found_place_crops
 from pipeline.mission.ledger import stream_account, substream_counts
 from pipeline.mission.local import FinishedRun
 from pipeline.mission.onto import STATE_FILE
+from pipeline.mission.people_in_networks import check_networks
 from pipeline.mission.prepared import PreparedMission
-from pipeline.mission.proportions import check_networks
 from pipeline.mission.run_state import save_run_state
 from pipeline.outputs.dji_route import write_dji_route
 from pipeline.outputs.map_picture import map_picture, png, second_look_picture

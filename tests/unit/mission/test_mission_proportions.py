@@ -10,15 +10,12 @@ from typing import Any
 import pytest
 
 from pipeline.allocation.plan import Plan
+from pipeline.config.pool import OperatingPoint
 from pipeline.ingest.finding import Finding
+from pipeline.mission.people_in_networks import PersonInNetwork, check_networks, people_in_networks
 from pipeline.mission.planning import plan
 from pipeline.mission.prepared import PreparedMission, prepare
-from pipeline.mission.proportions import (
-    PersonInNetwork,
-    check_networks,
-    check_proportions,
-    people_in_networks,
-)
+from pipeline.mission.proportions import check_proportions
 
 
 @pytest.fixture(scope="module")
@@ -114,10 +111,40 @@ def test_who_flies_too_high_for_the_network_is_warned(
 
 def test_the_sentence_says_distance_pixels_and_probability() -> None:
     person = PersonInNetwork("drone-1", "small", 80.2, 9.1, 0.31)
-    assert person.sentence == (
+    said = (
         "at 80 m a person is 9 pixels high in the network of small; "
         "its probability of detection in one frame is 0.3"
     )
+    assert person.sentence == said
+    assert replace(person, is_absolute=False).sentence.startswith(f"{said} of that of the pool's best")
+
+
+def test_what_was_measured_comes_before_the_sensor_model(prepared: PreparedMission, planned: Plan) -> None:
+    bitrates = sorted({a.bitrate_bps for a in planned.assignments})
+    shares = ((4.0, 8.0, 0.1), (8.0, 16.0, 0.2), (16.0, 2000.0, 0.7))
+    found = [{"person_px_from": a, "person_px_below": b, "share": s, "people": 99} for a, b, s in shares]
+    points = tuple(
+        OperatingPoint.model_validate(
+            {
+                "codec": "h264",
+                "bitrate": {"bps": b},
+                "found": found,
+                "picture_width": 512,
+                "false_boxes": 0.1,
+            }
+        )
+        for b in (bitrates[0], 2 * bitrates[-1])
+    )
+    people = people_in_networks(with_points(prepared, points), planned)
+    assert all(p.is_absolute for p in people)
+    assert all(0.2 < p.pod <= 0.7 for p in people)
+    assert not any(p.is_absolute for p in people_in_networks(with_points(prepared, ()), planned))
+
+
+def with_points(prepared: PreparedMission, points: tuple[OperatingPoint, ...]) -> PreparedMission:
+    """The mission with a pool of which so much is known."""
+    detectors = tuple(d.model_copy(update={"operating_points": points}) for d in prepared.pool.detectors)
+    return replace(prepared, pool=prepared.pool.model_copy(update={"detectors": detectors}))
 
 
 def test_a_network_that_looks_at_tiles_sees_people_larger(prepared: PreparedMission, planned: Plan) -> None:
