@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import shutil
 from collections.abc import Callable, Iterator
@@ -29,6 +30,7 @@ from pipeline.simulation.video_writer import write_video
 
 #: name of what is under way, steps done, steps in all
 Progress = Callable[[str, int, int], None]
+_FILM_DIAGONAL_MM = math.hypot(36.0, 24.0)
 _NOISE_STREAM = 3
 
 
@@ -96,9 +98,10 @@ def _write_telemetry(path: Path, rehearsal: Rehearsal, number: int, flight: Flig
     told = disturbed(flight, rehearsal.scenario.pose_noise, rng)
     east, north = flight.positions_enu[:1, 0], flight.positions_enu[:1, 1]
     takeoff_height_m = float(rehearsal.scene.ground.height(east, north)[0])
-    path.write_text(
-        dji_srt(told, rehearsal.frame, rehearsal.scenario.start, takeoff_height_m), encoding="utf-8"
-    )
+    camera = rehearsal.camera
+    focal_mm = _FILM_DIAGONAL_MM * camera.fx / math.hypot(camera.width, camera.height)
+    text = dji_srt(told, rehearsal.frame, rehearsal.scenario.start, takeoff_height_m, focal_mm)
+    path.write_text(text, encoding="utf-8")
 
 
 def _refuse_used(out: Path) -> None:

@@ -130,6 +130,16 @@ def test_the_noise_has_the_deviation_and_the_correlation():
     assert after_two_seconds == pytest.approx(math.exp(-1.0), abs=0.1)
 
 
+def test_the_focal_length_is_written_where_it_is_told_and_not_made_up_elsewhere(tmp_path):
+    flight, frame = flights()[1], LocalFrame(-33.94, 18.45)
+    path = tmp_path / "drone.srt"
+    path.write_text(dji_srt(flight, frame, START, 100.0, 33.144))
+    assert read_dji_srt(path).focal_length_35mm == pytest.approx(33.14)
+    path.write_text(dji_srt(flight, frame, START, 100.0))
+    focal_mm = read_dji_srt(path).focal_length_35mm
+    assert focal_mm is None or np.isnan(focal_mm).all()
+
+
 def test_one_frame_is_a_flight():
     flight = Flight(np.zeros(1), np.array([[0.0, 0.0, 115.0]]), np.zeros((1, 3)))
     assert dji_srt(flight, LocalFrame(58.0, 15.0), START, 100.0).startswith(
