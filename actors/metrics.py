@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from wsgiref.simple_server import WSGIServer
 
@@ -15,17 +15,20 @@ from actors.reducer import ReducerStatus
 from actors.source import SourceStatus
 from pipeline.allocation.plan import Plan
 from pipeline.errors import InputError
+from pipeline.ingest.finding import Finding
 from pipeline.mission.stages.reducer import LATENCY_BUCKETS_S
+from pipeline.outputs.verdict import doubts_of
 
 
 @dataclass(frozen=True)
 class Snapshot:
-    """What the supervisor last heard of everybody. bandwidth_bps: (stream, site) -> limit."""
+    """What the supervisor last heard of everybody. bandwidth_bps: (stream, site) -> limit. findings: of the checks."""
 
     plan: Plan
     sources: Mapping[str, SourceStatus] = field(default_factory=dict)
     reducer: ReducerStatus | None = None
     bandwidth_bps: Mapping[tuple[str, str], float] = field(default_factory=dict)
+    findings: Sequence[Finding] = ()
 
 
 class RunCollector(Collector):
@@ -42,6 +45,7 @@ class RunCollector(Collector):
         yield from _plan_metrics(snapshot.plan)
         yield from _frame_metrics(snapshot)
         yield from _link_metrics(snapshot)
+        yield from _verdict_metrics(snapshot)
         if snapshot.reducer is not None:
             yield from _result_metrics(snapshot.reducer)
 
@@ -119,6 +123,27 @@ def _link_metrics(snapshot: Snapshot) -> Iterable[Metric]:
         limit.add_metric([stream, site], bps)
     yield sent
     yield limit
+
+
+def _verdict_metrics(snapshot: Snapshot) -> Iterable[Metric]:
+    """What the verdict of the run would be, were it to end now."""
+    reducer = snapshot.reducer
+    not_taken = {} if reducer is None else reducer.not_taken
+    boxes = 0 if reducer is None else sum(reducer.detections.values())
+    doubts = doubts_of(not_taken, boxes, snapshot.findings)
+    yield GaugeMetricFamily(
+        "searchlight_verdict_cannot_be_trusted",
+        "1 if there is a reason not to trust the map, else 0",
+        value=float(bool(doubts)),
+    )
+    reasons = GaugeMetricFamily(
+        "searchlight_verdict_doubts",
+        "Reasons not to trust the map: boxes refused for one of them, or findings of the checks",
+        labels=["reason"],
+    )
+    for code, count in sorted(doubts.items()):
+        reasons.add_metric([code], count)
+    yield reasons
 
 
 def _result_metrics(reducer: ReducerStatus) -> Iterable[Metric]:

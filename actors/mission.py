@@ -134,7 +134,7 @@ class _Wiring:
     def supervise(
         self, plan: Plan, progress: Callable[[str, int, int], None], collector: RunCollector
     ) -> FinishedRun:
-        snapshot = Snapshot(plan, bandwidth_bps=self._used_links(plan))
+        snapshot = Snapshot(plan, bandwidth_bps=self._used_links(plan), findings=self._prepared.findings)
         while True:
             before, snapshot = snapshot, self._snapshot(snapshot)
             self._log_ends(before, snapshot)

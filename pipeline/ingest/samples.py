@@ -148,6 +148,9 @@ def _start_ns(samples: Sequence[Sample]) -> tuple[int | None, list[str]]:
 
 def _angles_in_degrees(samples: Sequence[Sample]) -> str:
     """What to look at if every sample has an angle beyond what there is; empty otherwise."""
+    latitudes = [abs(s.values["latitude"]) for s in samples if {"latitude", "longitude"} <= s.values.keys()]
+    if latitudes and float(np.median(latitudes)) > _LIMITS["latitude"]:
+        return "latitudes of at most 90 degrees: are latitude and longitude exchanged?"
     for name in ("pitch", "yaw", "roll"):
         values = [s.values[name] for s in samples if name in s.values]
         if values and float(np.median(np.abs(values))) > _LIMITS[name]:

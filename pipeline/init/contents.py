@@ -7,14 +7,18 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from pipeline.config.camera import load_camera
 from pipeline.config.telemetry import Telemetry
 from pipeline.errors import InputError
 from pipeline.geo.camera import Camera
 from pipeline.geo.surface_model import SurfaceModel, inspect
 from pipeline.ingest.registry import read_telemetry
+from pipeline.ingest.telemetry.stills_metadata import dated_stills, read_stills
 from pipeline.ingest.track import Track
 from pipeline.ingest.video.file import VideoInfo, open_video
+from pipeline.ingest.video.stills import StillsSource, open_stills
 
 VIDEO_ENDINGS = frozenset({".mp4", ".mov", ".mkv", ".avi", ".ts", ".m4v", ".mts"})
 STILL_ENDINGS = frozenset({".jpg", ".jpeg"})
@@ -29,12 +33,21 @@ _MOST_FILES = 100_000
 
 
 @dataclass(frozen=True, eq=False)
+class StillsFolder:
+    """A folder of stills that say where they were taken."""
+
+    path: Path
+    track: Track
+    source: StillsSource
+
+
+@dataclass(frozen=True, eq=False)
 class Contents:
     """What was found, each list in the order of the paths. unused: path -> why it is not used."""
 
     videos: tuple[VideoInfo, ...]
     telemetry: dict[Path, Track]
-    stills: tuple[Path, ...]
+    stills: tuple[StillsFolder, ...]
     surface_models: tuple[SurfaceModel, ...]
     cameras: dict[Path, Camera]
     areas: tuple[Path, ...]
@@ -71,7 +84,20 @@ def contents_of(folder: Path) -> Contents:
             unused[path] = error.found
     for album in [f for f, count in stills.items() if count < LEAST_STILLS]:
         unused[album] = f"{stills.pop(album)} stills; a flight has at least {LEAST_STILLS}"
-    return Contents(tuple(videos), telemetry, tuple(stills), tuple(models), cameras, tuple(areas), unused)
+    flown = []
+    for album in stills:
+        try:
+            flown.append(_stills(album))
+        except InputError as error:
+            unused[album] = error.found
+    return Contents(tuple(videos), telemetry, tuple(flown), tuple(models), cameras, tuple(areas), unused)
+
+
+def _stills(folder: Path) -> StillsFolder:
+    track = read_stills(folder)
+    pictures, _ = dated_stills(folder)
+    source = open_stills(tuple(s.path for s in pictures), np.arange(len(pictures), dtype=np.float64))
+    return StillsFolder(folder, track, source)
 
 
 def _files(folder: Path) -> Iterator[Path]:

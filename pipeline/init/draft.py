@@ -30,7 +30,7 @@ _REACH_M = 1000.0
 
 @dataclass(frozen=True, eq=False)
 class StreamDraft:
-    """One stream of the mission. videos: in a row. pairing: why not by name.
+    """One stream of the mission. videos: in a row; none of a folder of stills. pairing: why not by name.
 
     camera: text of the section, may hold FILL IN. gimbal: whether the angles must be filled in. rate_hz: of the
     pictures. track: of its telemetry.
@@ -38,6 +38,7 @@ class StreamDraft:
 
     id: str
     videos: tuple[Path, ...] = ()
+    stills: Path | None = None
     telemetry: Path | tuple[Path, ...] | None = None
     pairing: str = ""
     assumed: tuple[str, ...] = ()

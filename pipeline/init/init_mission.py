@@ -27,7 +27,7 @@ from pipeline.ingest.track import Track
 from pipeline.ingest.video.file import VideoInfo
 from pipeline.ingest.video.metadata import created_ns
 from pipeline.ingest.video.recordings import open_recordings
-from pipeline.init.contents import OURS, Contents, contents_of
+from pipeline.init.contents import OURS, Contents, StillsFolder, contents_of
 from pipeline.init.draft import (
     SITE,
     MissionDraft,
@@ -65,26 +65,26 @@ def init_mission(folder: Path, progress: Progress) -> InitResult:
         if (folder / name).exists():
             raise InputError(folder / name, "a file that is there already", "none: remove it to begin anew")
     contents = contents_of(folder)
-    if not contents.videos:
-        raise InputError(folder, "no video", "what a drone has filmed")
-    text = mission_text(draft_of(folder, contents), folder)
+    if not contents.videos and not contents.stills:
+        raise InputError(folder, "no video", "what a drone has filmed, or its stills in a folder")
+    draft = draft_of(folder, contents)
+    text = mission_text(draft, folder)
     write_measured_pool(folder / "pool.yaml", _first_picture(contents), progress)
     write_text(folder / "inventory.yaml", yaml.safe_dump(inventory_document(SITE), sort_keys=False))
     write_text(folder / "mission.yaml", text)
-    count = len(contents.videos)
-    return InitResult(folder / "mission.yaml", count, tuple(fields_to_fill(text)), contents.unused)
+    to_fill = tuple(fields_to_fill(text))
+    return InitResult(folder / "mission.yaml", len(draft.streams), to_fill, draft.unused)
 
 
 def draft_of(folder: Path, contents: Contents) -> MissionDraft:
     """What the mission says, apart from how it is written."""
     began_ns = [created_ns(video.path) for video in contents.videos]
+    inside = _inside([video.path for video in contents.videos])
+    beside = contents.telemetry
+    contents = replace(contents, telemetry={**inside, **beside})
     pairs = pair(contents.videos, contents.telemetry, began_ns)
-    own = {p.video: contents.videos[p.video].path for p in pairs if p.telemetry is None}
-    inside = _inside(list(own.values()))
-    pairs = [Pair(p.video, own[p.video]) if own.get(p.video) in inside else p for p in pairs]
-    contents = replace(contents, telemetry={**contents.telemetry, **inside})
     used = {p.telemetry for p in pairs if p.telemetry is not None}
-    tracks = [contents.telemetry[path] for path in sorted(used)]
+    tracks = [contents.telemetry[path] for path in sorted(used)] + [s.track for s in contents.stills]
     near: list[SurfaceModel] = list(contents.surface_models)
     ground = None
     if tracks and near:
@@ -95,16 +95,22 @@ def draft_of(folder: Path, contents: Contents) -> MissionDraft:
     unused |= {
         m.path: "a surface model far from every flight" for m in contents.surface_models if m not in near
     }
-    unused |= {path: "telemetry that fits no video" for path in contents.telemetry if path not in used}
+    of_inside = {path.with_suffix("") for path in used & inside.keys()}
+    for path in beside.keys() - used:
+        is_second = path.with_suffix("") in of_inside
+        unused[path] = (
+            "the video's own telemetry fits as well" if is_second else "telemetry that fits no video"
+        )
     unused |= dict.fromkeys(contents.areas[1:], "a second search area")
     streams: list[StreamDraft] = []
     for row in in_rows(contents.videos, began_ns):
         videos = [contents.videos[k] for k in row]
         name = stream_name(videos[0].path, [s.id for s in streams])
         streams.append(_stream(name, videos, [pairs[k] for k in row], contents, ground))
-    unused |= dict.fromkeys(
-        contents.stills, "a folder of stills: init does not write it yet, a stream takes it as stills: FOLDER"
-    )
+    for stills in contents.stills:
+        streams.append(
+            _of_stills(stream_name(stills.path, [s.id for s in streams]), stills, contents, ground)
+        )
     area = contents.areas[0] if contents.areas else None
     return MissionDraft(folder.resolve().name, tuple(streams), tuple(m.path for m in near), area, unused)
 
@@ -126,7 +132,8 @@ def _stream(
     found = pairs[0]
     track = None if found.telemetry is None else contents.telemetry[found.telemetry]
     height = HeightChoice("absolute", None, "") if track is None else _height(track, ground)
-    camera, reason, of_camera = _camera(videos[0], contents, track)
+    size = videos[0].width, videos[0].height
+    camera, reason, of_camera = _camera(videos[0].path, size, contents, track)
     return StreamDraft(
         id=name,
         videos=tuple(v.path for v in videos),
@@ -144,6 +151,26 @@ def _stream(
     )
 
 
+def _of_stills(name: str, stills: StillsFolder, contents: Contents, ground: Ground | None) -> StreamDraft:
+    """Their rate is nobody's: each is looked at once."""
+    track, height = stills.track, _height(stills.track, ground)
+    size = stills.source.width, stills.source.height
+    camera, reason, of_camera = _camera(stills.path, size, contents, track)
+    return StreamDraft(
+        id=name,
+        stills=stills.path,
+        telemetry=stills.path,
+        assumed=(*track.assumed, *of_camera),
+        height=height.height,
+        height_datum=height.height_datum,
+        height_reason=height.reason,
+        gimbal=bool(np.isnan(track.pitch_rad).all()),
+        camera=camera,
+        camera_reason=reason,
+        track=track,
+    )
+
+
 def _files_of(pairs: list[Pair], contents: Contents) -> Path | tuple[Path, ...] | None:
     """The telemetry of a row of recordings: of each its own, if all have one on their clock, or else the first's."""
     files = tuple(p.telemetry for p in pairs if p.telemetry is not None)
@@ -154,15 +181,15 @@ def _files_of(pairs: list[Pair], contents: Contents) -> Path | tuple[Path, ...] 
 
 
 def _camera(
-    video: VideoInfo, contents: Contents, track: Track | None
+    path: Path, size: tuple[int, int], contents: Contents, track: Track | None
 ) -> tuple[Path | str, str, tuple[str, ...]]:
-    """The calibration that lies there and fits the video's pictures, nothing where the metadata tell, or what a person
-    must fill in; why; and what is assumed.
+    """The calibration that lies there and fits pictures of a size, nothing where the metadata tell, or what a person
+    must fill in; why; and what is assumed. path: of the video, or of the folder of stills.
     """
-    fitting = [p for p, c in contents.cameras.items() if (c.width, c.height) == (video.width, video.height)]
+    fitting = [p for p, c in contents.cameras.items() if (c.width, c.height) == size]
     if len(fitting) == 1:
         return fitting[0], "", ()
-    facts = picture_facts(video.path.name, (video.width, video.height), (video.path,), track)
+    facts = picture_facts(path.name, size, () if path.is_dir() else (path,), track)
     try:
         return "", "", choose_camera(CameraSource(), facts).assumed
     except InputError as error:
@@ -208,5 +235,8 @@ def _ground_under(models: list[SurfaceModel], frame: LocalFrame) -> Ground | Non
 def _first_picture(contents: Contents) -> NDArray[np.uint8]:
     for video in contents.videos:
         for _, image in open_recordings([video.path]).images_at([0.0]):
+            return image
+    for stills in contents.stills:
+        for _, image in stills.source.images_at([0.0]):
             return image
     return np.zeros((1080, 1920, 3), dtype=np.uint8)

@@ -15,6 +15,8 @@ from pipeline.ingest.video.file import VideoInfo
 
 #: weights of the evidence against a pair; a name says less than a length or a date that does not fit
 _OTHER_NAME, _OTHER_FOLDER = 1.0, 0.3
+#: a video's own track is believed before a file beside it that fits no better, and is of no other video
+_BESIDE, _OF_ANOTHER_VIDEO = 0.01, 1000.0
 #: a subtitle file ends with its video, but for a cue
 _LENGTH_TOLERANCE_S = 1.2
 #: local time is off by whole quarters of an hour; clocks of camera and drone by seconds
@@ -38,14 +40,21 @@ def pair(
 ) -> list[Pair]:
     """The pairs with the least evidence against them, one for each video.
 
-    created_ns: when each video began by its own metadata, ns since 1970; None where it does not say.
+    telemetry: by its file; that of a video's own tracks by the video. created_ns: when each video began by its own
+    metadata, ns since 1970; None where it does not say.
     """
     paths = list(telemetry)
+    of_videos = {video.path for video in videos}
     if not paths:
         return [Pair(k, None) for k in range(len(videos))]
     cost = np.array(
         [
-            [against(video, path, telemetry[path], began) for path in paths]
+            [
+                _OF_ANOTHER_VIDEO
+                if path in of_videos and path != video.path
+                else against(video, path, telemetry[path], began)
+                for path in paths
+            ]
             for video, began in zip(videos, created_ns, strict=True)
         ]
     )
@@ -59,7 +68,8 @@ def against(video: VideoInfo, path: Path, track: Track, created_ns: int | None) 
     """How much speaks against a pair: 0 is nothing, each kind of evidence adds at most _MOST."""
     name = 0.0 if path.stem.lower() == video.path.stem.lower() else _OTHER_NAME
     folder = 0.0 if path.parent == video.path.parent else _OTHER_FOLDER
-    return name + folder + _length(video, track) + _date(track, created_ns)
+    beside = 0.0 if path == video.path else _BESIDE
+    return name + folder + beside + _length(video, track) + _date(track, created_ns)
 
 
 def span_of(track: Track) -> float:

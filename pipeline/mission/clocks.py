@@ -46,10 +46,12 @@ def _on(
         return moved, Finding("assumed", "clock_unknown", name, text)
     ahead_s = (trajectory.start_ns - reference.start_ns) * 1e-9
     overlap = -duration_s < ahead_s < reference_s
+    if overlap:
+        return trajectory, None
     zone_s = _ZONE_STEP_S * round(ahead_s / _ZONE_STEP_S)
     is_zone = zone_s != 0.0 and abs(ahead_s - zone_s) <= _ZONE_SLACK_S and abs(zone_s) <= _MOST_ZONE_S
-    if overlap or not is_zone:
-        return trajectory, None
+    if not is_zone:
+        return trajectory, _apart(name, ahead_s)
     found = f"its clock is {_hours(zone_s)} {'ahead of' if zone_s > 0 else 'behind'} the first stream's"
     apart = f"the flights begin {ahead_s:.1f} s apart, a multiple of a quarter of an hour to {_ZONE_SLACK_S:.0f} s"
     if trajectory.clock == reference.clock == "utc":
@@ -65,6 +67,27 @@ def _on(
         "telemetry.utc_offset of each stream: the local time minus UTC that its drone's clock shows",
     )
     return replace(trajectory, start_ns=trajectory.start_ns - round(zone_s * 1e9)), finding
+
+
+def _apart(name: str, ahead_s: float) -> Finding:
+    """A flight at another time than the first stream's, and by no time zone."""
+    text = f"its flight begins {_duration(abs(ahead_s))} {'after' if ahead_s > 0 else 'before'} the first stream's"
+    mend = (
+        f"if they flew at one time: telemetry.utc_offset {ahead_s:+.0f} s against the first stream's, "
+        "which is what its clock was ahead"
+    )
+    evidence = "the two flights do not overlap, and are apart by no multiple of a quarter of an hour"
+    if abs(ahead_s) > _MOST_ZONE_S:
+        found = f"{text}, which is no part of one search; was its clock set?"
+        return Finding("warning", "time_apart", name, found, evidence, mend)
+    return Finding("assumed", "time_apart", name, f"{text}; taken for another flight", evidence, mend)
+
+
+def _duration(seconds: float) -> str:
+    for unit_s, unit in ((86400.0, "days"), (3600.0, "h"), (60.0, "min")):
+        if seconds >= 2.0 * unit_s:
+            return f"{seconds / unit_s:.1f} {unit}"
+    return f"{seconds:.1f} s"
 
 
 def _hours(zone_s: float) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
@@ -10,7 +11,7 @@ import numpy as np
 
 from pipeline.geo.geoid import undulation_m
 from pipeline.ingest.checks.bursts import BurstParams
-from pipeline.ingest.checks.motion_check import MotionCheckParams, check_motion
+from pipeline.ingest.checks.motion_check import MotionCheckParams, Other, check_motion
 from pipeline.ingest.checks.picture_motion import Motion, MotionParams, picture_motion
 from pipeline.ingest.checks.predicted_motion import Predictor
 from pipeline.ingest.checks.track_checks import (
@@ -22,7 +23,6 @@ from pipeline.ingest.checks.track_checks import (
 )
 from pipeline.ingest.finding import Finding
 from pipeline.ingest.track import Track
-from pipeline.ingest.trajectory import Trajectory
 from pipeline.mission.memory import give_back
 from pipeline.mission.prepared import PreparedMission
 from pipeline.mission.proportions import check_proportions
@@ -70,14 +70,23 @@ def _of_motion(prepared: PreparedMission) -> list[Finding]:
                 Finding("assumed", "motion_unseen", where, f"its motion was not compared: {coarse}")
             )
             continue
-        camera, motion = prepared.cameras[stream.stream], motions[stream.stream]
-
-        def predictor(trajectory: Trajectory) -> Predictor:
-            return Predictor(motion, trajectory, camera, prepared.terrain)  # noqa: B023 - called in this turn only
-
-        others = {s.stream: predictor(s.trajectory) for s in prepared.streams if s.stream != stream.stream}
-        findings += check_motion(where, motion, predictor(stream.trajectory), others, params)
+        others = {
+            s.stream: Other(
+                _predictor(prepared, motions, stream.stream, s),
+                _predictor(prepared, motions, s.stream, stream),
+            )
+            for s in prepared.streams
+            if s.stream != stream.stream and s.stream in motions
+        }
+        findings += check_motion(where, _predictor(prepared, motions, stream.stream, stream), others, params)
     return findings
+
+
+def _predictor(
+    prepared: PreparedMission, motions: Mapping[str, Motion], video: str, telemetry: StreamInput
+) -> Predictor:
+    """Of a stream's video, by a stream's telemetry."""
+    return Predictor(motions[video], telemetry.trajectory, prepared.cameras[video], prepared.terrain)
 
 
 def _motions(prepared: PreparedMission) -> dict[str, Motion]:

@@ -19,8 +19,9 @@ from pipeline.geo.frame import LocalFrame
 from pipeline.geo.heights import UNKNOWN, Heights
 from pipeline.geo.search_area import load_search_area
 from pipeline.geo.terrain import Terrain
+from pipeline.ingest.checks.exchanged_axes import require_axes_in_order
 from pipeline.ingest.finding import Finding
-from pipeline.ingest.ground import GroundModel, Window, frame_over, load_ground, window_about
+from pipeline.ingest.ground import GroundModel, Window, files_of, frame_over, load_ground, window_about
 from pipeline.ingest.resolution import with_resolution
 from pipeline.ingest.track import Clock, Track
 from pipeline.link.codec import require_codec
@@ -195,6 +196,7 @@ def read_filmed(path: Path, mission: Mission, faults: Faults, onto: EarlierRun |
             recordings.append(read_recording(path, mission, stream))
     tracks = [r.track for r in recordings]
     with faults.collected():
+        _require_axes(mission, recordings)  # before ground is looked for between them
         frame = frame_over(mission.terrain, tracks, None if onto is None else onto.frame)
         window = _seen(mission, frame, recordings)
         if onto is not None:
@@ -216,6 +218,13 @@ def read_filmed(path: Path, mission: Mission, faults: Faults, onto: EarlierRun |
     left_out = {r.stream.id: dict(r.track.left_out) for r in recordings if r.track.left_out}
     by_stream = {r.stream.id: r.track for r in recordings}
     return Filmed(mission, terrain, cameras, streams, tuple(findings), left_out, by_stream, ground.heights)
+
+
+def _require_axes(mission: Mission, recordings: list[Recording]) -> None:
+    if mission.terrain.flat is None and mission.terrain.origin is None:
+        files = files_of(mission.terrain)
+        for recording in recordings:
+            require_axes_in_order(recording.stream.telemetry.file, recording.track, files)
 
 
 def _streams(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -45,12 +46,16 @@ _LIKELY = {
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """kind, sentence: for the head of every output. reasons: refused evidence, reason -> count. boxes: in all."""
+    """kind, sentence: for the head of every output. reasons: refused evidence, reason -> count. boxes: in all.
+
+    doubts: why the map cannot be trusted, see ``doubts_of``.
+    """
 
     kind: Kind
     sentence: str
     reasons: Mapping[str, int]
     boxes: int
+    doubts: Mapping[str, int]
 
 
 def judge(
@@ -85,7 +90,28 @@ def judge(
     else:
         said = [_found(locations, match), *_besides(possible, bool(locations))]
         sentence = " ".join([*said, *_left_out(coverage, bool(locations) or match is not None)])
-    return Verdict(kind, sentence, dict(not_taken), boxes)
+    return Verdict(kind, sentence, dict(not_taken), boxes, doubts_of(not_taken, boxes, findings))
+
+
+def doubts_of(not_taken: Mapping[str, int], boxes: int, findings: Sequence[Finding] = ()) -> dict[str, int]:
+    """Reasons not to trust a map, by a code of lower case letters; empty if there is none.
+
+    ``boxes_refused_..``: how many boxes were refused for it. The cause of a finding that says that places are wrong:
+    how many there are.
+    """
+    found: dict[str, int] = {}
+    refused = _most_refused(not_taken, boxes)
+    if refused is not None:
+        found[f"boxes_refused_{_code(refused[0])}"] = refused[1]
+    for finding in findings:
+        if _is_of_places(finding):
+            code = _code(finding.cause)
+            found[code] = found.get(code, 0) + 1
+    return found
+
+
+def _code(words: str) -> str:
+    return re.sub(r"[^a-z0-9]+", "_", words.lower()).strip("_")
 
 
 def _besides(possible: Sequence[SalientLocation], found: bool) -> list[str]:
@@ -104,22 +130,35 @@ def _left_out(coverage: Coverage | None, known: bool) -> list[str]:
     return [] if known else ["Ground that was not looked at may still hide a person."]
 
 
-def _doubt(not_taken: Mapping[str, int], boxes: int) -> str | None:
+def _most_refused(not_taken: Mapping[str, int], boxes: int) -> tuple[str, int] | None:
+    """The reason for which most boxes were refused, and how many, if that is not usual."""
     refused = {reason: count for reason, count in not_taken.items() if reason not in _HARMLESS}
     if not refused:
         return None
     reason, count = max(refused.items(), key=lambda item: item[1])
     if count < _LEAST_BOXES or count <= _MOST_REFUSED * max(boxes, count):
         return None
+    return reason, count
+
+
+def _doubt(not_taken: Mapping[str, int], boxes: int) -> str | None:
+    most = _most_refused(not_taken, boxes)
+    if most is None:
+        return None
+    reason, count = most
     likely = f" (look at {_LIKELY[reason]})" if reason in _LIKELY else ""
     return f"{count:,} of {max(boxes, count):,} boxes were refused: {reason}{likely}"
 
 
 def _wrong_places(findings: Sequence[Finding]) -> str | None:
     for finding in findings:
-        if finding.severity == "warning" and set(finding.cause.split("/")) & _WRONG_PLACES:
+        if _is_of_places(finding):
             return f"{finding.where.rpartition('/')[2]}: {finding.found}"
     return None
+
+
+def _is_of_places(finding: Finding) -> bool:
+    return finding.severity == "warning" and bool(set(finding.cause.split("/")) & _WRONG_PLACES)
 
 
 def _found(locations: Sequence[SalientLocation], match: TruthMatch | None) -> str:

@@ -13,16 +13,22 @@ import av
 import numpy as np
 import pytest
 import rasterio
+from PIL import Image
 from rasterio.windows import Window
 
 from actors.cli import main
 from pipeline.config.mission import load_mission
 from pipeline.errors import InputError
+from pipeline.ingest.telemetry.dji_srt import read_dji_srt
 from pipeline.init import init_mission as init_module
 from pipeline.init.contents import contents_of
 from pipeline.init.draft import mission_text
 from pipeline.init.init_mission import draft_of, init_mission
+from pipeline.mission.one_picture import push_one_picture
+from pipeline.mission.planning import plan
+from pipeline.mission.prepared import prepare
 from tests.dialects import demo, dji_subtitles, video_text_track
+from tests.stills import write_still
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -233,3 +239,71 @@ def test_a_row_of_recordings_takes_the_subtitles_of_each(tmp_path: Path) -> None
     assert [len(s.videos) for s in draft.streams] == [2]
     assert draft.streams[0].telemetry == (folder / "DJI_0001.SRT", folder / "DJI_0002.SRT")
     assert "file: [DJI_0001.SRT, DJI_0002.SRT]" in mission_text(draft, folder)
+
+
+def test_a_videos_own_track_wins_unless_the_file_beside_it_matches_better(tmp_path: Path) -> None:
+    folder = tmp_path / "card"
+    folder.mkdir()
+    rows = {name: demo.true_track(name) for name in demo.STREAMS}
+    for name in demo.STREAMS:
+        video_text_track.write(
+            folder / f"{name}.mp4", demo.DEMO / f"{name}.mp4", rows[name], dji_subtitles.brackets
+        )
+    # beside one the same again; beside the other a file of which half is missing
+    dji_subtitles.write(folder / "drone-1.srt", rows["drone-1"], dji_subtitles.brackets)
+    dji_subtitles.write(folder / "drone-2.srt", rows["drone-2"], dji_subtitles.brackets)
+    text = (folder / "drone-2.srt").read_text(encoding="utf-8").split("\n\n")
+    (folder / "drone-2.srt").write_text("\n\n".join(text[: len(text) // 2]) + "\n\n", encoding="utf-8")
+    draft = draft_of(folder, contents_of(folder))
+    assert [s.telemetry for s in draft.streams] == [folder / "drone-1.mp4", folder / "drone-2.mp4"]
+    assert set(draft.unused) == {folder / "drone-1.srt", folder / "drone-2.srt"}
+    assert "own telemetry" in draft.unused[folder / "drone-1.srt"]
+
+
+def test_a_folder_with_stills_and_a_video_becomes_a_mission_of_both(
+    card: Path, small_mission: Path, quick_pool: None
+) -> None:
+    source = small_mission.parent
+    photos = card / "DCIM/photos"
+    photos.mkdir()
+    (card / "DCIM/DJI_0007.MP4").unlink()
+    (card / "DCIM/DJI_0001.SRT").unlink()
+    shutil.copy(source / "drone-1.srt", card / "DCIM/DJI_0001.SRT")
+    (card / "DCIM/DJI_0007.SRT").unlink()
+    track = read_dji_srt(source / "drone-2.srt")
+    with av.open(str(source / "drone-2.mp4")) as video:
+        for k, frame in enumerate(video.decode(video=0)):
+            if k % 20 or k >= len(track.times_s):
+                continue
+            taken = datetime.fromtimestamp(track.start_time_ns * 1e-9 + float(track.times_s[k]), UTC)
+            xmp = {
+                "RelativeAltitude": f"{track.relative_height_m[k]:+.3f}",
+                "AbsoluteAltitude": f"{track.absolute_height_m[k]:+.3f}",
+                "GimbalYawDegree": f"{np.degrees(track.yaw_rad[k]):+.2f}",
+                "GimbalPitchDegree": f"{np.degrees(track.pitch_rad[k]):+.2f}",
+                "GimbalRollDegree": "+0.00",
+            }
+            place = float(track.latitude_deg[k]), float(track.longitude_deg[k])
+            image = frame.to_ndarray(format="rgb24")
+            height_m = float(track.absolute_height_m[k])
+            write_still(photos / f"DJI_{k:04}.JPG", image, taken, *place, height_m, xmp)
+    result = init_mission(card, lambda *_: None)
+    text = result.mission.read_text(encoding="utf-8")
+    assert result.streams == 2
+    assert result.to_fill == ()
+    assert "- id: photos\n  stills: DCIM/photos\n  telemetry:\n    file: DCIM/photos\n" in text
+    mission = load_mission(result.mission)
+    assert [s.stills for s in mission.streams] == [None, photos]
+    prepared = prepare(result.mission)
+    assert [s.source.info.constant for s in prepared.streams] == [True, False]
+    assert push_one_picture(prepared, plan(prepared)) == []
+
+
+def test_stills_alone_are_a_mission_and_those_without_positions_are_named(tmp_path: Path) -> None:
+    album = tmp_path / "album"
+    album.mkdir()
+    for k in range(6):
+        Image.new("RGB", (64, 48)).save(album / f"{k}.jpg")
+    contents = contents_of(tmp_path)
+    assert contents.stills == ()
+    assert "date" in contents.unused[album]

@@ -21,13 +21,15 @@ _NEAR_S = 0.1
 
 @dataclass(frozen=True)
 class BurstParams:
-    """width_px: of the pictures. apart_s: between the two of a burst. least, most: bursts, over the video.
+    """width_px: of the pictures. apart_s: between the first and the last of a burst: a gimbal's trembling does not grow
+    with it, the way flown does; less_apart_s: where that costs too much, or shows too little of the same ground.
 
-    most_pixels: that may be decoded for more bursts than the least.
+    least, most: bursts, over the video. most_pixels: that may be decoded for more bursts than the least.
     """
 
     width_px: int = 480
-    apart_s: float = 0.25
+    apart_s: float = 0.5
+    less_apart_s: float = 0.25
     least: int = 8
     most: int = 32
     most_pixels: float = 1.2e9
@@ -35,12 +37,10 @@ class BurstParams:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Burst:
-    """first_s, second_s: time of the video of two gray pictures of the same size."""
+    """times_s: of the video, increasing, of gray pictures of the same size; two or three."""
 
-    first_s: float
-    second_s: float
-    first: Gray
-    second: Gray
+    times_s: tuple[float, ...]
+    pictures: tuple[Gray, ...]
 
 
 def bursts_of(
@@ -64,33 +64,39 @@ def bursts_of(
             if scale >= 2.0:
                 codec.options = {"skip_loop_filter": "all"}  # edges of blocks that nobody sees so small
             if size in (None, (codec.width, codec.height)):
-                for burst in _Reader(container, stream, params.apart_s, compared).bursts(duration_s, params):
+                for burst in _Reader(container, stream, compared, params).bursts(duration_s):
                     yield burst, scale
     except (av.FFmpegError, OSError, IndexError):
         return  # what a video cannot show, other checks say
 
 
 def moments_of(
-    keys_s: FloatArray, duration_s: float, rate_hz: float, pixels: int, params: BurstParams
+    keys_s: FloatArray, duration_s: float, rate_hz: float, pixels: int, apart_s: float, params: BurstParams
 ) -> FloatArray:
-    """When bursts should begin: as many as ``most_pixels`` allows, evenly over the video.
+    """When bursts of ``apart_s`` should begin: as many as ``most_pixels`` allows, evenly over the video.
 
     keys_s: times of the pictures that stand alone; empty where they are not known. A burst begins at the key
     picture before its moment. Where the burst before has begun there too, it begins at its moment, and all from that
     burst on is decoded; where even ``least`` bursts cost too much that way, there is one for each key picture only.
     """
-    last_s = duration_s - params.apart_s - 2.0 / rate_hz
+    last_s = duration_s - apart_s - 2.0 / rate_hz
     if last_s <= 0.0:
         return np.zeros(0)
     for count in range(params.most, params.least - 1, -1):
         moments_s = np.linspace(0.0, last_s, count)
-        if _decoded(moments_s, keys_s, rate_hz, params.apart_s) * pixels <= params.most_pixels:
+        if _decoded(moments_s, keys_s, rate_hz, apart_s) * pixels <= params.most_pixels:
             return moments_s
     moments_s = np.linspace(0.0, last_s, params.least)
     if not len(keys_s):
         return moments_s
     begun = np.searchsorted(keys_s, moments_s, side="right")
     return moments_s[np.unique(begun, return_index=True)[1]]
+
+
+def apart_s_of(rate_hz: float, pixels: int, params: BurstParams) -> float:
+    """Seconds that a burst of such pictures may take."""
+    fits = params.least * (2.0 + rate_hz * params.apart_s) * pixels <= params.most_pixels
+    return params.apart_s if fits else params.less_apart_s
 
 
 def _decoded(moments_s: FloatArray, keys_s: FloatArray, rate_hz: float, apart_s: float) -> float:
@@ -107,40 +113,44 @@ class _Reader:
     """Decodes on where the next moment is near, and seeks where a key picture lies between."""
 
     def __init__(
-        self, container: InputContainer, stream: VideoStream, apart_s: float, size: tuple[int, int]
+        self, container: InputContainer, stream: VideoStream, size: tuple[int, int], params: BurstParams
     ) -> None:
-        self._container, self._stream, self._apart_s, self._size = container, stream, apart_s, size
+        self._container, self._stream, self._size, self._params = container, stream, size, params
         self._base = float(stream.time_base or 1)
         self._start = stream.start_time or 0
         self._frames: Iterator[tuple[float, av.VideoFrame]] = iter(())
         self._at_s = -np.inf
 
-    def bursts(self, duration_s: float, params: BurstParams) -> Iterator[Burst]:
-        codec = self._stream.codec_context
-        keys_s = self._key_times_s()
-        rate_hz = float(self._stream.average_rate or 30)
-        for begin_s in moments_of(keys_s, duration_s, rate_hz, codec.width * codec.height, params).tolist():
-            burst = self._burst(begin_s, keys_s)
+    def bursts(self, duration_s: float) -> Iterator[Burst]:
+        codec, keys_s = self._stream.codec_context, self._key_times_s()
+        rate_hz, pixels = float(self._stream.average_rate or 30), codec.width * codec.height
+        apart_s = apart_s_of(rate_hz, pixels, self._params)
+        for begin_s in moments_of(keys_s, duration_s, rate_hz, pixels, apart_s, self._params).tolist():
+            first = self._first(begin_s, keys_s)
+            burst = None if first is None else self._burst(first, apart_s)
             if burst is not None:
                 yield burst
 
-    def _burst(self, begin_s: float, keys_s: FloatArray) -> Burst | None:
+    def _first(self, begin_s: float, keys_s: FloatArray) -> tuple[float, av.VideoFrame] | None:
         before = keys_s[keys_s <= begin_s]
-        if not len(before) or before[-1] > self._at_s + _NEAR_S:
-            self._container.seek(self._start + int(begin_s / self._base), stream=self._stream, backward=True)
-            self._frames, last_s = _timed(self._container, self._stream, self._start, self._base), self._at_s
-            first = next(self._frames, None)
-            if first is None or first[0] <= last_s:  # the burst before has begun here too
+        if len(before) and before[-1] <= self._at_s + _NEAR_S:
+            return next((f for f in self._frames if f[0] >= begin_s), None)
+        self._container.seek(self._start + int(begin_s / self._base), stream=self._stream, backward=True)
+        self._frames = _timed(self._container, self._stream, self._start, self._base)
+        first = next(self._frames, None)
+        # the burst before may have begun here too
+        return None if first is None or first[0] <= self._at_s else first
+
+    def _burst(self, first: tuple[float, av.VideoFrame], apart_s: float) -> Burst | None:
+        times_s, pictures = [first[0]], [self._gray(first[1])]
+        for least_s in sorted({self._params.less_apart_s, apart_s}):
+            shown = next((f for f in self._frames if f[0] - first[0] >= least_s - 1e-6), None)
+            if shown is None:
                 return None
-        else:
-            first = next((f for f in self._frames if f[0] >= begin_s), None)
-        if first is None:
-            return None
-        second = next((f for f in self._frames if f[0] - first[0] >= self._apart_s - 1e-6), None)
-        if second is None:
-            return None
-        self._at_s = second[0]
-        return Burst(first[0], second[0], self._gray(first[1]), self._gray(second[1]))
+            times_s.append(shown[0])
+            pictures.append(self._gray(shown[1]))
+        self._at_s = times_s[-1]
+        return Burst(tuple(times_s), tuple(pictures))
 
     def _key_times_s(self) -> FloatArray:
         """By an index that is whole: times of decoding, not later than those of showing. Empty without one."""

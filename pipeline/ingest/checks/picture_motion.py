@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.ingest.checks.bursts import BurstParams, Gray, bursts_of
+from pipeline.ingest.checks.bursts import Burst, BurstParams, Gray, bursts_of
 from pipeline.messages import FloatArray
 
 
@@ -66,8 +66,8 @@ def picture_motion(
     rows: list[tuple[float, float, FloatArray, FloatArray, int]] = []
     number, scale = -1, 1.0
     for number, (burst, scale) in enumerate(bursts_of(path, duration_s, size, params.bursts, threads)):
-        for start, end in matched(burst.first, burst.second, params):
-            rows.append((burst.first_s, burst.second_s, start * scale, end * scale, number))
+        second_s, found = _farthest(burst, params)
+        rows += [(burst.times_s[0], second_s, start * scale, end * scale, number) for start, end in found]
     firsts, seconds, start_px, end_px, of_burst = zip(*rows, strict=True) if rows else ((), (), (), (), ())
     return Motion(
         np.array(firsts, np.float64),
@@ -80,16 +80,31 @@ def picture_motion(
     )
 
 
+def _farthest(burst: Burst, params: MotionParams) -> tuple[float, list[tuple[FloatArray, FloatArray]]]:
+    """Patches of the first picture in the last one; in one nearer to it where fewer than a third are found."""
+    first, *others = burst.pictures
+    time_s, found = 0.0, list[tuple[FloatArray, FloatArray]]()
+    for later_s, picture in zip(burst.times_s[:0:-1], others[::-1], strict=True):
+        patches = list(matched(first, picture, params))
+        if len(patches) > len(found):
+            time_s, found = later_s, patches
+        if 3 * len(found) >= params.columns * params.rows:
+            break
+    return time_s, found
+
+
 def matched(first: Gray, second: Gray, params: MotionParams) -> Iterator[tuple[FloatArray, FloatArray]]:
     """Middles of the patches of one picture, and where they are in another, pixels (x, y)."""
     whole, _ = _shift(first, second)
     half = params.patch_px // 2
     height, width = first.shape
-    for y in np.linspace(half, height - half, params.rows).astype(int):
-        for x in np.linspace(half, width - half, params.columns).astype(int):
-            to_x, to_y = x + round(whole[0]), y + round(whole[1])
-            if not (half <= to_x <= width - half and half <= to_y <= height - half):
-                continue
+    right, down = round(whole[0]), round(whole[1])
+    if width - abs(right) < params.patch_px or height - abs(down) < params.patch_px:
+        return  # they show too little of the same ground
+    # where the second picture shows it too
+    for y in np.linspace(half + max(0, -down), height - half - max(0, down), params.rows).astype(int):
+        for x in np.linspace(half + max(0, -right), width - half - max(0, right), params.columns).astype(int):
+            to_x, to_y = x + right, y + down
             a = first[y - half : y + half, x - half : x + half]
             b = second[to_y - half : to_y + half, to_x - half : to_x + half]
             moved, peak = _shift(a, b)

@@ -36,9 +36,14 @@ class Predictor:
     """Predicts one stream's motion under assumptions; poses are kept by time."""
 
     def __init__(self, motion: Motion, trajectory: Trajectory, camera: Camera, terrain: Terrain) -> None:
-        self._motion, self._trajectory, self._camera, self._terrain = motion, trajectory, camera, terrain
+        self.motion, self._trajectory, self._camera, self._terrain = motion, trajectory, camera, terrain
         self._poses: dict[float, CameraPose | None] = {}
         self._ground_m = float(np.nanmedian(terrain.heights_m[:: max(1, terrain.shape[0] // 64)]))
+
+    @property
+    def focal_px(self) -> float:
+        """Focal length, in pixels that were compared."""
+        return float(self._camera.fx) / self.motion.scale
 
     @property
     def is_still(self) -> bool:
@@ -46,8 +51,8 @@ class Predictor:
         return bool(np.ptp(self._trajectory.positions_enu[:, :2], axis=0).max() < _STILL_M)
 
     def displacement_px(self, assumed: Assumption) -> FloatArray:
-        """(M, 2), pixels that were compared; NaN where there is no pose or no ground in sight."""
-        motion = self._motion
+        """(M, 2), pixels that were compared; NaN where there is no pose, infinite where no ground is in sight."""
+        motion = self.motion
         first = self._placed(motion.first_s, assumed)
         second = self._placed(motion.second_s, assumed)
         rays = self._camera.rays(motion.from_px)
@@ -55,7 +60,9 @@ class Predictor:
         points = self._on_ground(first[0], np.einsum("nij,nj->ni", first[1], rays))
         seen = np.einsum("nji,nj->ni", second[1], points - second[0])
         seen[:, :2] *= assumed.focal_scale
-        return np.asarray((self._camera.project(seen) - motion.from_px) / motion.scale)
+        moved = np.asarray((self._camera.project(seen) - motion.from_px) / motion.scale)
+        posed = np.isfinite(first[0]).all(axis=1) & np.isfinite(second[0]).all(axis=1)
+        return np.where(np.asarray(posed)[:, None] & ~np.isfinite(moved), np.inf, moved)
 
     def _placed(self, times_s: FloatArray, assumed: Assumption) -> tuple[FloatArray, FloatArray]:
         """Positions (M, 3) and rotations (M, 3, 3), NaN without a pose."""

@@ -1,4 +1,5 @@
 import urllib.request
+from dataclasses import replace
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -7,6 +8,7 @@ from actors.metrics import RunCollector, Snapshot, frame_outcomes, serve
 from actors.reducer import ReducerStatus
 from actors.source import SourceStatus
 from pipeline.allocation.plan import Plan
+from pipeline.ingest.finding import Finding
 from pipeline.mission.stages.reducer import HOPS, HopHistogram
 
 PLAN = Plan("optimal", 1.25, 1.25, 0.0, 2, (), 0.1, 10, 10)
@@ -71,3 +73,33 @@ def test_the_endpoint_shows_frames_hops_links_and_the_plan() -> None:
         "searchlight_plan_gap 0.0",
     ):
         assert line in text, line
+
+
+def scraped(snapshot: Snapshot) -> dict[tuple[str, str], float]:
+    """Name and reason of each sample of the verdict, and its value."""
+    return {
+        (sample.name, sample.labels.get("reason", "")): sample.value
+        for family in RunCollector(snapshot).collect()
+        for sample in family.samples
+        if sample.name.startswith("searchlight_verdict")
+    }
+
+
+def test_the_verdict_is_a_gauge_by_reason() -> None:
+    trusted = "searchlight_verdict_cannot_be_trusted"
+    assert scraped(Snapshot(PLAN)) == {(trusted, ""): 0.0}
+    assert scraped(Snapshot(PLAN, {"v": source()}, reducer(7))) == {(trusted, ""): 0.0}
+    findings = (
+        Finding("warning", "height_off/focal_length", "a.srt", "boxes"),
+        Finding("warning", "height_off/focal_length", "b.srt", "boxes"),
+        Finding("warning", "terrain_gap", "dem.tif", "a gap, which makes no place wrong"),
+        Finding("assumed", "clock_off", "c.srt", "only assumed"),
+    )
+    refusing = replace(
+        reducer(7), detections={("v", "d"): 100}, not_taken={"not the size of its class, or no trust": 80}
+    )
+    assert scraped(Snapshot(PLAN, {"v": source()}, refusing, findings=findings)) == {
+        (trusted, ""): 1.0,
+        ("searchlight_verdict_doubts", "height_off_focal_length"): 2.0,
+        ("searchlight_verdict_doubts", "boxes_refused_not_the_size_of_its_class_or_no_trust"): 80.0,
+    }

@@ -9,7 +9,7 @@ import av
 import numpy as np
 import pytest
 
-from pipeline.ingest.checks.bursts import BurstParams, bursts_of, moments_of
+from pipeline.ingest.checks.bursts import BurstParams, apart_s_of, bursts_of, moments_of
 
 RATE_HZ, SECONDS = 10, 12
 PARAMS = BurstParams(width_px=64)
@@ -37,14 +37,15 @@ def test_bursts_are_distinct_and_lie_over_the_whole_video(
 ) -> None:
     path = film(tmp_path / name, every, bframes)
     bursts = [burst for burst, _ in bursts_of(path, float(SECONDS), None, PARAMS)]
-    begun = np.array([b.first_s for b in bursts])
+    begun = np.array([b.times_s[0] for b in bursts])
     assert len(begun) >= PARAMS.least
     assert (np.diff(begun) > 0.0).all()
     assert begun[0] < 1.0
     assert begun[-1] > SECONDS - 3.0
     for burst in bursts:
-        assert 0.25 <= burst.second_s - burst.first_s < 0.6
-        for time_s, picture in ((burst.first_s, burst.first), (burst.second_s, burst.second)):
+        first_s, between_s, last_s = burst.times_s
+        assert 0.25 <= between_s - first_s < 0.5 <= last_s - first_s < 0.8
+        for time_s, picture in zip(burst.times_s, burst.pictures, strict=True):
             assert picture.shape == (32, 64)
             # luma 16 + number, of 219 steps, seen as gray of 255
             assert abs(float(picture.mean()) / 255.0 * 219.0 - RATE_HZ * time_s) < 1.5
@@ -52,32 +53,34 @@ def test_bursts_are_distinct_and_lie_over_the_whole_video(
 
 def test_a_container_without_an_index_gives_a_burst_for_each_key_picture(tmp_path: Path) -> None:
     path = film(tmp_path / "a.mkv", 20)
-    begun = [burst.first_s for burst, _ in bursts_of(path, float(SECONDS), None, PARAMS)]
+    begun = [burst.times_s[0] for burst, _ in bursts_of(path, float(SECONDS), None, PARAMS)]
     assert begun == [0.0, 2.0, 4.0, 6.0, 8.0, 10.0]
 
 
 def test_a_large_video_is_decoded_at_few_key_pictures_and_a_small_one_at_all_moments() -> None:
     keys_s = np.arange(0.0, 1200.0, 1.0)
     large, small = 3840 * 2160, 512 * 288
-    few = moments_of(keys_s, 1200.0, 30.0, large, BurstParams(most_pixels=0.6e9))
-    assert len(few) == BurstParams().least
-    assert len(moments_of(keys_s, 1200.0, 30.0, large, BurstParams())) == 15
-    assert len(moments_of(keys_s, 1200.0, 30.0, small, BurstParams())) == BurstParams().most
-    assert len(moments_of(keys_s[:12], 12.0, 30.0, small, BurstParams())) == BurstParams().most
+    params, of_two = BurstParams(), BurstParams(most_pixels=0.6e9)
+    assert len(moments_of(keys_s, 1200.0, 30.0, large, 0.25, of_two)) == params.least
+    assert len(moments_of(keys_s, 1200.0, 30.0, large, 0.25, params)) == 15
+    assert len(moments_of(keys_s, 1200.0, 30.0, small, 0.5, params)) == params.most
+    assert len(moments_of(keys_s[:12], 12.0, 30.0, small, 0.5, params)) == params.most
+    assert apart_s_of(30.0, large, of_two) == params.less_apart_s
+    assert apart_s_of(30.0, large, params) == apart_s_of(30.0, small, params) == params.apart_s
 
 
 def test_long_ways_between_key_pictures_are_not_decoded_for_more_than_they_may_cost() -> None:
     pixels, params = 3840 * 2160, BurstParams()
     keys_s = np.array([0.0, 400.0, 410.0])  # ten minutes of 4K between two key pictures
-    moments_s = moments_of(keys_s, 1200.0, 30.0, pixels, params)
+    moments_s = moments_of(keys_s, 1200.0, 30.0, pixels, 0.5, params)
     of_key = np.searchsorted(keys_s, moments_s, side="right")
     assert len(set(of_key.tolist())) == len(moments_s)
-    assert len(moments_of(np.zeros(1), 1200.0, 30.0, 64 * 64, params)) == params.most
+    assert len(moments_of(np.zeros(1), 1200.0, 30.0, 64 * 64, 0.5, params)) == params.most
 
 
 @pytest.mark.parametrize("duration_s", [0.0, 0.1, 0.3])
 def test_a_video_shorter_than_a_burst_has_none(duration_s: float) -> None:
-    assert len(moments_of(np.zeros(0), duration_s, 30.0, 1, BurstParams())) == 0
+    assert len(moments_of(np.zeros(0), duration_s, 30.0, 1, 0.5, BurstParams())) == 0
 
 
 def test_pictures_of_another_size_than_the_cameras_are_not_compared(tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from pipeline.geo.camera import Camera
 from pipeline.geo.frame import LocalFrame
 from pipeline.geo.pose import enu_from_camera
 from pipeline.geo.terrain import Terrain
-from pipeline.ingest.checks.motion_check import check_motion
+from pipeline.ingest.checks.motion_check import Other, check_motion
 from pipeline.ingest.checks.picture_motion import Motion, picture_motion
 from pipeline.ingest.checks.predicted_motion import Predictor, angles_of
 from pipeline.ingest.finding import Finding
@@ -106,10 +106,16 @@ def motions(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Motion]:
 
 
 def found(
-    motion: Motion, told: Trajectory, camera: Camera = CAMERA, others: dict[str, Trajectory] | None = None
+    motion: Motion,
+    told: Trajectory,
+    camera: Camera = CAMERA,
+    others: dict[str, tuple[Trajectory, Motion]] | None = None,
 ) -> list[Finding]:
-    predictors = {name: Predictor(motion, t, camera, TERRAIN) for name, t in (others or {}).items()}
-    return check_motion("drone.srt", motion, Predictor(motion, told, camera, TERRAIN), predictors)
+    known = {
+        name: Other(Predictor(motion, t, camera, TERRAIN), Predictor(there, told, camera, TERRAIN))
+        for name, (t, there) in (others or {}).items()
+    }
+    return check_motion("drone.srt", Predictor(motion, told, camera, TERRAIN), known)
 
 
 def turned(flown: Trajectory, yaw_deg: float = 0.0, pitch_sign: float = 1.0) -> Trajectory:
@@ -168,8 +174,11 @@ def test_a_wrong_focal_length_is_that_or_a_height(motions: dict[str, Motion]) ->
 def test_exchanged_telemetry_is_recognised_by_the_other_video_and_a_foreign_one_by_none(
     motions: dict[str, Motion],
 ) -> None:
-    (finding,) = found(motions["lanes"], orbit(), others={"orbit": lanes()})
+    (finding,) = found(motions["lanes"], orbit(), others={"orbit": (lanes(), motions["orbit"])})
     assert finding.cause == "exchanged"
+    # the other video is not that of this telemetry: then nothing was exchanged with it
+    (finding,) = found(motions["lanes"], lifted(lanes(), 15.0), others={"other": (lanes(), motions["lanes"])})
+    assert "exchanged" not in finding.cause
     (finding,) = found(motions["lanes"], orbit())
     assert finding.cause == "other_flight"
 

@@ -72,3 +72,14 @@ def test_recordings_that_follow_one_another_are_one_stream() -> None:
     began: list[int | None] = [NOON_NS, NOON_NS + 61 * 10**9, NOON_NS + 91 * 10**9]
     assert in_rows(videos, began) == [[0, 1], [2]]
     assert in_rows(videos, [NOON_NS, NOON_NS + 200 * 10**9, None]) == [[0], [1], [2]]
+
+
+def test_a_videos_own_track_wins_over_a_file_that_fits_no_better() -> None:
+    videos = [video("a.mp4", 60), video("b.mp4", 90)]
+    own = {"a.mp4": track(60), "b.mp4": track(90)}
+    assert pairs(videos, own | {"a.srt": track(60), "b.srt": track(90)}) == ["a.mp4", "b.mp4"]
+    assert pairs(videos, own | {"other.srt": track(60)}) == ["a.mp4", "b.mp4"]
+    # a track that was cut off, beside a whole file
+    assert pairs(videos, own | {"a.mp4": track(20), "a.srt": track(60)}) == ["a.srt", "b.mp4"]
+    # nor does a track go to another video, however well it fits
+    assert pairs(videos, {"b.mp4": track(60)}) == [None, "b.mp4"]

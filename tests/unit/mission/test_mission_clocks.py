@@ -29,14 +29,36 @@ def test_a_clock_of_another_zone_is_moved_and_said(hours: float) -> None:
     )
 
 
-@pytest.mark.parametrize("ahead_ns", [0, 30 * 10**9, -20 * 10**9, 400 * 10**9, 48 * HOUR_NS])
-def test_clocks_that_overlap_or_are_apart_by_no_zone_are_left(ahead_ns: int) -> None:
+@pytest.mark.parametrize("ahead_ns", [0, 30 * 10**9, -20 * 10**9])
+def test_clocks_that_overlap_are_left(ahead_ns: int) -> None:
     assert starts(stream(HOUR_NS), stream(HOUR_NS + ahead_ns)) == ([HOUR_NS, HOUR_NS + ahead_ns], [])
+
+
+@pytest.mark.parametrize(
+    ("ahead_s", "severity", "words"),
+    [
+        (400.0, "assumed", "begins 6.7 min after"),
+        (-90.0, "assumed", "begins 90.0 s before"),
+        (7 * 3600.0 + 400.0, "assumed", "begins 7.1 h after"),
+        (48 * 3600.0, "warning", "begins 2.0 days after"),
+        (-11.5 * 365 * 86400.0, "warning", "was its clock set?"),
+    ],
+)
+def test_flights_apart_by_no_zone_are_left_and_said_with_what_would_mend_them(
+    ahead_s: float, severity: str, words: str
+) -> None:
+    first, second = stream(0), stream(round(ahead_s * 1e9))
+    moved, findings = settled([("one", first, 60.0), ("two", second, 60.0)])
+    assert [t.start_ns for t in moved] == [first.start_ns, second.start_ns]
+    (finding,) = findings
+    assert (finding.severity, finding.cause, finding.where) == (severity, "time_apart", "two")
+    assert words in finding.found
+    assert f"utc_offset {ahead_s:+.0f} s" in finding.mend
 
 
 def test_clocks_that_are_known_to_be_utc_are_left_but_an_hour_apart_is_said() -> None:
     assert starts(stream(0, "utc"), stream(HOUR_NS, "utc")) == ([0, HOUR_NS], ["time_zone"])
-    assert starts(stream(0, "utc"), stream(400 * 10**9, "utc")) == ([0, 400 * 10**9], [])
+    assert starts(stream(0, "utc"), stream(400 * 10**9, "utc")) == ([0, 400 * 10**9], ["time_apart"])
 
 
 def test_a_stream_without_dates_begins_with_the_first_that_has_them() -> None:
