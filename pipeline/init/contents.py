@@ -82,15 +82,22 @@ def contents_of(folder: Path) -> Contents:
                     unused[path] = f"{len(track.times_s)} samples, none with a position"
         except InputError as error:
             unused[path] = error.found
-    for album in [f for f, count in stills.items() if count < LEAST_STILLS]:
-        unused[album] = f"{stills.pop(album)} stills; a flight has at least {LEAST_STILLS}"
+    flown = _flown(stills, unused)
+    return Contents(tuple(videos), telemetry, flown, tuple(models), cameras, tuple(areas), unused)
+
+
+def _flown(stills: dict[Path, int], unused: dict[Path, str]) -> tuple[StillsFolder, ...]:
+    """Folders of a flight's stills; why others are not used. stills: how many lie in each."""
     flown = []
-    for album in stills:
+    for album, count in stills.items():
+        if count < LEAST_STILLS:
+            unused[album] = f"{count} stills; a flight has at least {LEAST_STILLS}"
+            continue
         try:
             flown.append(_stills(album))
         except InputError as error:
             unused[album] = error.found
-    return Contents(tuple(videos), telemetry, tuple(flown), tuple(models), cameras, tuple(areas), unused)
+    return tuple(flown)
 
 
 def _stills(folder: Path) -> StillsFolder:

@@ -152,22 +152,15 @@ def orbits(rehearsal: Rehearsal, seed: int) -> tuple[Flight, ...]:
     return tuple(flights)
 
 
-def causes(mission: Path) -> list[str]:
-    """Causes of all findings that are no assumption; of an error the words that name it."""
+def causes(mission: Path, first_only: bool = False) -> list[str]:
+    """Causes of all findings that are no assumption, or of those on the first stream's files; of an error its words."""
     try:
         found = noticed(prepare(mission)).findings
     except InputError as error:
         return ["units" if "tenths" in str(error) else str(error)[:60]]
-    return [f.cause for f in found if f.severity != "assumed"]
-
-
-def causes_of_first(mission: Path) -> list[str]:
-    """Causes of the findings on the first stream, whose telemetry the fault is in."""
-    try:
-        found = noticed(prepare(mission)).findings
-    except InputError as error:
-        return ["units" if "tenths" in str(error) else str(error)[:60]]
-    return [f.cause for f in found if f.severity != "assumed" and "drone-1" in f.where]
+    return [
+        f.cause for f in found if f.severity != "assumed" and not (first_only and "drone-1" not in f.where)
+    ]
 
 
 @cache
@@ -264,8 +257,8 @@ def main() -> None:
             found = results.of(
                 name,
                 fault,
-                lambda path=path, change=change: causes_of_first(
-                    injected(path, change, options.folder / "injected")
+                lambda path=path, change=change: causes(
+                    injected(path, change, options.folder / "injected"), change != "exchange"
                 ),
             )
             right = any(cause in f.split("/") for f in found)
