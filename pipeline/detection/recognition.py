@@ -6,29 +6,22 @@ far as could be seen.
 
 from __future__ import annotations
 
-import ast
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-import yaml
-from numpy.typing import NDArray
-
-from pipeline.config.layout import Layout, Rows, SizeInput
+from pipeline.config.layout import Layout, Rows
 from pipeline.detection.class_names import COCO_80, COCO_91, PERSON
-from pipeline.detection.facts import Facts, Signature, Tensor, is_float, is_whole, metadata_names
-from pipeline.detection.graph import class_count
+from pipeline.detection.facts import Facts
+from pipeline.detection.gathering import gather
+from pipeline.detection.layout_section import section_of
 from pipeline.detection.layouts import proposals
-from pipeline.detection.layouts.proposal import Proposal, picture_input
+from pipeline.detection.layouts.proposal import Proposal
 from pipeline.detection.session import Session
-from pipeline.detection.trial import Verdict, preparation_of, trial_picture, try_out
+from pipeline.detection.trial import Verdict, try_out
 from pipeline.errors import InputError
 
 #: a rival must be so much surer of the person in the trial picture
 _SURER = 0.15
-_USUAL_SIDE = 640
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,148 +200,3 @@ def _described_classes(layout: Layout, facts: Facts) -> int | None:
         values = shapes[output.tensor][1 if output.order == "rows" else 0]
         return int(values or 0) - (5 if output.objectness else 4)
     return None
-
-
-def gather(
-    session: Session,
-    path: Path,
-    names: tuple[str, ...] | None = None,
-    input_size: tuple[int, int] | None = None,
-) -> Facts:
-    """Everything that a model shows, its outputs for the trial picture among it.
-
-    Raises InputError if it takes no picture, or fails on one.
-    """
-    signature = session.signature
-    picture, axes = picture_of(signature)
-    size, size_from = _size(picture, axes, signature, input_size)
-    known = names or metadata_names(signature.metadata)
-    shapes = {t.name: tuple(s if isinstance(s, int) else 1 for s in t.shape) for t in signature.outputs}
-    facts = Facts(signature, picture, axes, size, size_from, shapes, {}, known)
-    values = _first_run(session, facts)
-    shapes = {name: value.shape for name, value in values.items()}
-    count = None
-    if any(is_whole(t) for t in signature.outputs) and known is None:
-        count = class_count(path.read_bytes())
-    return replace(facts, shapes=shapes, values=values, class_count=count)
-
-
-def _first_run(session: Session, facts: Facts) -> dict[str, NDArray[Any]]:
-    """The outputs for the trial picture with the plainest preparation."""
-    sizes = tuple(
-        SizeInput(tensor=t.name, value="ones" if is_float(t) else "width_height")
-        for t in facts.others
-        if t.shape[-1:] == (2,)
-    )
-    layout = Layout(
-        input=picture_input(facts, placement="letterbox_centred"),
-        sizes=sizes,
-        output=Rows(tensor="-"),
-    )
-    preparation = preparation_of(layout, facts)
-    placed, _ = preparation.place(trial_picture())
-    inputs = preparation.inputs([placed])
-    for tensor in facts.others:
-        if tensor.name not in inputs:
-            shape = tuple(s if isinstance(s, int) else 1 for s in tensor.shape)
-            inputs[tensor.name] = np.zeros(shape, tensor.dtype)
-    return session.run(inputs)
-
-
-def picture_of(signature: Signature) -> tuple[Tensor, str]:
-    """The input for the picture and the order of its axes. Raises InputError if there is none, or several."""
-    found = [(t, axes) for t in signature.inputs if (axes := _axes(t)) is not None]
-    if len(found) != 1:
-        kind = "no input" if not found else f"{len(found)} inputs"
-        shown = ", ".join(map(str, signature.inputs)) or "nothing"
-        expected = "one input such as (1, 3, height, width)"
-        raise InputError("its inputs", f"{kind} that can be a picture ({shown})", expected)
-    tensor, axes = found[0]
-    if tensor.dtype not in ("uint8", "float16", "float32", "float64"):
-        raise InputError("its inputs", str(tensor), "a picture as uint8, float16 or float32")
-    return tensor, axes
-
-
-def _axes(tensor: Tensor) -> str | None:
-    """The order of the axes of a picture, by where its three colours are (or the one of a grey picture)."""
-    shape = tensor.shape
-    named = {3: ("chw", "", "hwc"), 4: ("", "nchw", "", "nhwc")}.get(len(shape), ())
-    for colours in (3, 1):
-        for axis, order in enumerate(named):
-            if order and shape[axis] == colours and (colours == 3 or len(shape) == 4):
-                return order
-    free = len(shape) == 4 and all(not isinstance(size, int) for size in shape[1:])
-    return "nchw" if free else None
-
-
-def _size(
-    picture: Tensor, axes: str, signature: Signature, wanted: tuple[int, int] | None
-) -> tuple[tuple[int, int] | None, str]:
-    high, wide = picture.shape[-2:] if axes.endswith("chw") else picture.shape[-3:-1]
-    if isinstance(high, int) and isinstance(wide, int):
-        if wanted not in (None, (wide, high)):
-            raise InputError("input_size", f"{wanted}", f"{wide}, {high}, which the model fixes")
-        return (wide, high), "the model"
-    if wanted is not None:
-        return wanted, "the pool (input_size)"
-    stated = _stated_size(signature)
-    if stated is not None:
-        return stated, "its metadata (imgsz)"
-    if axes != "nchw":
-        return None, "the picture: a model in rows and columns, or without a batch, resizes it itself"
-    return (
-        wide if isinstance(wide, int) else _USUAL_SIDE,
-        high if isinstance(high, int) else _USUAL_SIDE,
-    ), "assumed"
-
-
-def _stated_size(signature: Signature) -> tuple[int, int] | None:
-    """Width and height of Ultralytics' ``imgsz``, which is height, width."""
-    try:
-        sides = ast.literal_eval(signature.metadata.get("imgsz", ""))
-        high, wide = (sides, sides) if isinstance(sides, int) else sides
-        return (int(wide), int(high)) if 0 < int(wide) <= 16384 and 0 < int(high) <= 16384 else None
-    except (ValueError, SyntaxError, TypeError, MemoryError, RecursionError):
-        return None
-
-
-def section_of(facts: Facts, proposal: Proposal | None) -> str:
-    """The ``layout:`` section for the pool as YAML, as far as it is known; the rest is marked with ?."""
-    if proposal is not None:
-        return layout_yaml(proposal.layout)
-    picture = picture_input(facts).model_dump(mode="json", exclude_none=True)
-    unknown = {"colour": "?", "range": "?", "placement": "?"}
-    shown = ", ".join(f"{t.name} {list(facts.shapes[t.name])}" for t in facts.signature.outputs)
-    document: dict[str, Any] = {"input": picture | unknown}
-    if facts.others:
-        document["sizes"] = [{"tensor": t.name, "value": "?"} for t in facts.others]
-    document["output"] = _guessed_output(facts)
-    text = yaml.safe_dump({"layout": document}, sort_keys=False, default_flow_style=None, allow_unicode=True)
-    kinds = "# kinds of output: rows, pairs, chosen, distances, anchors, cells; ? is to be filled in"
-    return f"# outputs: {shown}\n{kinds}\n{text.rstrip()}"
-
-
-def _guessed_output(facts: Facts) -> dict[str, Any]:
-    """What the shapes of the outputs look like most."""
-    outputs = facts.outputs
-    if len(outputs) == 1 and len(outputs[0].shape) >= 2:
-        high, wide = outputs[0].shape[-2:]
-        order = "rows" if int(high or 0) >= int(wide or 0) else "columns"
-        return {"kind": "rows", "tensor": outputs[0].name, "order": order, "box": "?", "objectness": "?"}
-    boxes = [t.name for t in outputs if t.shape[-1:] == (4,)]
-    if len(outputs) == 2 and len(boxes) == 1:
-        (scores,) = (t.name for t in outputs if t.name not in boxes)
-        unknown = {"box": "?", "unit": "?", "activation": "?"}
-        return {"kind": "pairs", "boxes": boxes[0], "scores": scores} | unknown
-    return {"kind": "?", "tensors": [t.name for t in outputs]}
-
-
-def layout_yaml(layout: Layout) -> str:
-    """A layout as the pool has it."""
-    document = {"layout": layout.model_dump(mode="json", exclude_none=True)}
-    return yaml.safe_dump(document, sort_keys=False, default_flow_style=None, allow_unicode=True).rstrip()
-
-
-def listed(found: Sequence[str]) -> str:
-    """Sentences, one a line."""
-    return "\n".join(f"  {sentence}" for sentence in found)

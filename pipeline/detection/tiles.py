@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +44,17 @@ def _starts(length: int, tile: int, overlap: float) -> list[int]:
     step = max(1.0, tile * (1.0 - overlap))
     count = 1 + math.ceil((length - tile) / step - 1e-9)
     return [round(start) for start in np.linspace(0, length - tile, count)]
+
+
+def whole_up_to(width: int, height: int, tiling: Tiling) -> tuple[int, int]:
+    """How wide and how high somebody can be, in pixels, and still be seen whole by some tile wherever he is."""
+    sides = []
+    for length, tile in ((width, tiling.width), (height, tiling.height)):
+        starts = _starts(length, tile, tiling.overlap)
+        overlap = min((a + tile - b for a, b in pairwise(starts)), default=tile)
+        # at a seam a share of the side is not trusted, in each of the two tiles
+        sides.append(math.floor(overlap / (1.0 + 2.0 * CUT_SHARE)) if len(starts) > 1 else min(length, tile))
+    return sides[0], sides[1]
 
 
 @dataclass(frozen=True, eq=False)

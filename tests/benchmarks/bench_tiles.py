@@ -25,7 +25,7 @@ from pipeline.detection import load_detector
 from pipeline.detection.nms import iou
 from pipeline.detection.picture_file import read_picture
 from pipeline.evaluation.datasets.fault_log import FaultLog
-from pipeline.evaluation.stills import labelled_stills
+from pipeline.evaluation.labelled import labelled_pictures
 from pipeline.sensor.setup import Tiling
 from pipeline.training.accuracy import VISIBLE_MIN, accuracy, look
 
@@ -50,7 +50,7 @@ def simulated(count: int) -> list[Row]:
 
 def labelled(labels: Path, folder: Path, most: int) -> list[Row]:
     """Pictures with COCO labels; those with people first, evenly from all."""
-    dataset = labelled_stills(labels, folder, FaultLog(FaultPolicy(outside_box="skip")))
+    dataset = labelled_pictures(labels, folder, FaultLog(FaultPolicy(outside_box="skip")))
     rows = []
     for sequence in dataset.sequences:
         for n in sequence.pictures:

@@ -1,4 +1,4 @@
-"""A pool with one detector, from labelled stills or like another one."""
+"""A pool with one detector, from labelled pictures or like another one."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from pipeline.config.evaluation import Setup
 from pipeline.config.pool import PoolDetector, load_pool
 from pipeline.detection import Reading
 from pipeline.detection.model_file import sha256_of
+from pipeline.evaluation.labelled import LabelledResult
 from pipeline.evaluation.measuring.setup_timing import SetupTiming, time_setup
-from pipeline.evaluation.pool.pool_file import AS_THEY_ARE_BPS, sharing_rows, time_row
-from pipeline.evaluation.stills import StillsResult
+from pipeline.evaluation.pool.pool_file import AS_THEY_ARE_BPS, assumed_as_they_are, sharing_rows, time_row
 from pipeline.storage.whole_or_nothing import replacing
 
 _PICTURES, _WARM_UP = 20, 3
@@ -38,7 +38,12 @@ class NewDetector:
     setup: Setup
 
 
-def timed(new: NewDetector, images: list[NDArray[np.uint8]], progress: Callable[[str], None]) -> SetupTiming:
+def timed(
+    new: NewDetector,
+    images: list[NDArray[np.uint8]],
+    progress: Callable[[str], None],
+    sharing: tuple[int, ...] = (2,),
+) -> SetupTiming:
     """Its times on this machine. images: (H, W, 3) each, of the size that will be looked at."""
     return time_setup(
         new.id,
@@ -47,15 +52,15 @@ def timed(new: NewDetector, images: list[NDArray[np.uint8]], progress: Callable[
         images,
         pictures=_PICTURES,
         warm_up=_WARM_UP,
-        sharing=(2,),
+        sharing=sharing,
         score_cutoff=0.3,
         progress=progress,
         reading=new.reading,
     )
 
 
-def measured_row(new: NewDetector, result: StillsResult, timing: SetupTiming, out: Path) -> dict[str, Any]:
-    """The row of a detector that was measured on labelled stills."""
+def measured_row(new: NewDetector, result: LabelledResult, timing: SetupTiming, out: Path) -> dict[str, Any]:
+    """The row of a detector that was measured on labelled pictures."""
 
     def at() -> dict[str, Any]:  # a new one each time, or YAML writes references
         return {"bitrate": {"mbps": AS_THEY_ARE_BPS / 1e6}}
@@ -70,7 +75,7 @@ def measured_row(new: NewDetector, result: StillsResult, timing: SetupTiming, ou
         "score_threshold": result.threshold,
         "accuracy": [at() | {"accuracy": accuracy}],
         "accuracy_by_size": sizes,
-        "assumed": f"accuracy of stills ({result.pictures} pictures, {result.people} people), not of video",
+        "assumed": assumed_as_they_are(result.pictures, result.people),
     }
     if result.calibration is not None:
         row["calibration"] = result.calibration.model_dump()

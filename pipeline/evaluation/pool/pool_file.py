@@ -45,9 +45,7 @@ def pool_document(results: Results, folder: Path) -> dict[str, Any]:
     return {
         "version": FORMAT_VERSION,
         "provenance": _provenance(results),
-        "assumed": [
-            f"{d.id}: {assumed_of_stills(results)}" for d in results.detectors if _of_stills(results)
-        ],
+        "assumed": [f"{d.id}: {_assumed(results)}" for d in results.detectors if _of_stills(results)],
         "detectors": [_detector(results, d, folder) for d in results.detectors],
     }
 
@@ -56,10 +54,13 @@ def _of_stills(results: Results) -> bool:
     return not results.bitrates_bps
 
 
-def assumed_of_stills(results: Results) -> str:
-    """What a pool of pictures that were not encoded takes for granted."""
-    p = results.provenance
-    return f"accuracy of pictures as they are ({p.pictures} pictures, {p.people} people), not of video"
+def assumed_as_they_are(pictures: int, people: int) -> str:
+    """What a row of pictures that were not encoded takes for granted."""
+    return f"accuracy of pictures as they are ({pictures} pictures, {people} people), not of encoded video"
+
+
+def _assumed(results: Results) -> str:
+    return assumed_as_they_are(results.provenance.pictures, results.provenance.people)
 
 
 def _provenance(results: Results) -> dict[str, Any]:
@@ -117,7 +118,7 @@ def _detector(results: Results, detector: DetectorFile, folder: Path) -> dict[st
     if detector.card is not None:
         document["card"] = os.path.relpath(detector.card, folder)
     if _of_stills(results):
-        document["assumed"] = assumed_of_stills(results)
+        document["assumed"] = _assumed(results)
     sharing = sharing_rows(timings)
     return document | ({"sharing": sharing} if sharing else {})
 

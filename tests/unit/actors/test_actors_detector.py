@@ -81,6 +81,18 @@ def test_a_layout_in_a_file_is_used(net, tmp_path):
     assert ": described" in run("inspect", net.path, "--layout", tmp_path / "layout.yaml")
 
 
+def test_names_beside_a_layout_in_a_file_are_used(tmp_path):
+    made = Net(range=255.0)
+    damo(made)
+    path = made.save(tmp_path / "two.onnx")
+    said = run("inspect", path, "--names", "a,person,b", "--layout", "damoyolo")
+    section = said[said.index("layout:") :] + "names: [crow, person, bee]\n"
+    (tmp_path / "layout.yaml").write_text(section, encoding="utf-8")
+    assert "classes: 3: crow, person, bee" in run("inspect", path, "--layout", tmp_path / "layout.yaml")
+    with_others = run("inspect", path, "--layout", tmp_path / "layout.yaml", "--names", "x,person,y")
+    assert "classes: 3: x, person, y" in with_others
+
+
 def test_try_draws_the_boxes(net, tmp_path):
     image, box = spot(net)
     imsave(tmp_path / "in.png", image)
@@ -104,6 +116,15 @@ def test_try_writes_a_video_of_as_many_pictures(net, tmp_path):
     said = run("try", net.path, tmp_path / "in.mp4", "--out", tmp_path / "out.mp4", "--pictures", 4)
     assert "in 4 pictures" in said
     assert open_video(tmp_path / "out.mp4").frames == 4
+
+
+def test_try_says_what_a_tiling_costs_on_a_4k_frame_and_who_is_seen_whole(net, tmp_path):
+    imsave(tmp_path / "in.png", spot(net)[0])
+    said = run(
+        "try", net.path, tmp_path / "in.png", "--out", tmp_path / "out.png", "--tiles", "960x540", "--overlap", 0.2
+    )  # fmt: skip
+    assert "tiles: 25 looks at a frame of 3840 x 2160: " in said.replace("\n", " ")
+    assert "people up to 160 x 90 pixels are seen whole" in said.replace("\n", " ")
 
 
 def labels(net, folder: Path, count: int = 6) -> Path:
@@ -134,7 +155,7 @@ def labels(net, folder: Path, count: int = 6) -> Path:
 
 
 def test_add_writes_a_pool_from_labels(net, tmp_path, monkeypatch):
-    monkeypatch.setattr(detector_row, "timed", lambda new, images, progress: TIMING)
+    monkeypatch.setattr(detector_row, "timed", lambda *_, **__: TIMING)
     out = tmp_path / "pool.yaml"
     said = run(
         "add", net.path, "--labels", labels(net, tmp_path), "--machine", "here", "--out", out, "--tiles", "384x256",
@@ -144,13 +165,39 @@ def test_add_writes_a_pool_from_labels(net, tmp_path, monkeypatch):
     (row,) = load_pool(out).detectors
     assert 0.3 < row.accuracy[0].accuracy < 0.9
     assert {r.size for r in row.accuracy_by_size} <= {"small", "medium", "large"}
-    assert "stills (6 pictures, 6 people)" in row.assumed
+    assert "as they are (6 pictures, 6 people), not of encoded video" in row.assumed
+    assert "20 ms, 50 MB in all" in said.replace("\n", " ")
     assert (row.tiles.size, row.tiles.whole, row.times[0].threads) == ((384, 256), True, 2)
     assert open_pool_detector(row).setup.tiling.width == 384
 
 
+def test_add_looks_at_labelled_frames_of_a_video(net, tmp_path, monkeypatch):
+    from pipeline.config.scenario import Recording
+
+    monkeypatch.setattr(detector_row, "timed", lambda *_, **__: TIMING)
+    nobody, box = np.full((256, 384, 3), 90, np.uint8), spot(net)[1]
+    frames = [spot(net)[0] if k in (3, 7) else nobody for k in range(12)]
+    recording = Recording(frame_rate={"hertz": 25}, bitrate={"mbps": 20}, preset="veryfast")
+    write_video(tmp_path / "a.mp4", frames, recording)
+    document = {
+        "images": [
+            {"id": f"f{k}", "file_name": f"a.mp4#{k}", "width": 384, "height": 256} for k in (0, 3, 7)
+        ],
+        "annotations": [
+            {"id": k, "image_id": f"f{k}", "category_id": 1, "bbox": [box[0], box[1], 48, 80]} for k in (3, 7)
+        ],
+        "categories": [{"id": 1, "name": "person"}],
+    }
+    (tmp_path / "labels.json").write_text(json.dumps(document), encoding="utf-8")
+    out = tmp_path / "pool.yaml"
+    run("add", net.path, "--labels", tmp_path / "labels.json", "--machine", "here", "--out", out)
+    (row,) = load_pool(out).detectors
+    assert "(3 pictures, 2 people)" in row.assumed
+    assert row.accuracy[0].accuracy == pytest.approx(1.0, abs=1e-3)
+
+
 def test_add_without_labels_is_marked_as_assumed(net, tmp_path, monkeypatch):
-    monkeypatch.setattr(detector_row, "timed", lambda new, images, progress: TIMING)
+    monkeypatch.setattr(detector_row, "timed", lambda *_, **__: TIMING)
     out = tmp_path / "pool.yaml"
     run("add", net.path, "--assume-like", "small", "--pool", POOL, "--machine", "here", "--out", out)
     pool = load_pool(out)
@@ -186,9 +233,9 @@ def test_a_file_that_is_not_there_is_one_line(tmp_path):
 
 
 def test_calibration_is_judged_on_pictures_that_it_was_not_fitted_to():
+    from pipeline.evaluation.labelled import _calibration
     from pipeline.evaluation.metrics.boxes import found_boxes, true_boxes
     from pipeline.evaluation.metrics.matching import match
-    from pipeline.evaluation.stills import _calibration
 
     rng = np.random.default_rng(3)
     n = 4000

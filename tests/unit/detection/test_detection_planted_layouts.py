@@ -10,7 +10,7 @@ from planted import MEAN, MEAN_BGR, STD, STD_BGR, Net, spot
 
 from pipeline.config.layout import Layout
 from pipeline.detection import LayoutQuestionError, load_detector
-from pipeline.detection.recognition import layout_yaml
+from pipeline.detection.layout_section import layout_yaml
 
 NAMES = ("cow", "person", "boat")
 FOUR = (8, 16, 32, 64)

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.detection import load_detector
-from pipeline.detection.tiles import merged, windows_of
+from pipeline.detection.tiles import merged, whole_up_to, windows_of
 from pipeline.sensor.setup import Tiling
 
 sides = st.integers(32, 600)
@@ -31,6 +31,20 @@ def test_neighbouring_tiles_overlap_by_what_was_asked_for_at_least(width, overla
     windows = windows_of(width, 64, Tiling(100, 64, overlap, False))
     shared = windows[:-1, 2] - windows[1:, 0]
     assert (shared >= 100 * overlap - 1).all()
+
+
+@given(st.integers(200, 500), st.integers(200, 500), st.floats(0.1, 0.8), st.randoms(use_true_random=False))
+def test_whoever_is_small_enough_is_seen_whole_by_a_tile_wherever_he_is(width, height, overlap, chance):
+    tiling = Tiling(100, 80, overlap, False)
+    wide, high = whole_up_to(width, height, tiling)
+    if not (wide and high):
+        return
+    windows = windows_of(width, height, tiling)
+    x, y = chance.uniform(0, width - wide), chance.uniform(0, height - high)
+    person, score = np.array([[x, y, x + wide, y + high]]), np.ones(1)
+    inside = (windows[:, :2] <= person[0, :2]).all(axis=1) & (person[0, 2:] <= windows[:, 2:]).all(axis=1)
+    kept = [merged(person, score, np.array([k]), windows, (width, height))[0] for k in np.flatnonzero(inside)]
+    assert any(len(boxes) for boxes in kept)
 
 
 def test_two_halves_of_a_person_on_a_seam_become_the_person():
