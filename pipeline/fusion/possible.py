@@ -1,8 +1,10 @@
-"""Possible places: below the threshold, but detected again and again.
+"""Possible places: where the map is below the threshold, but something was detected again and again.
 
 A map that is not sure says so. What stays here are the sightings that no found place rests on: those closer than the
 cluster distance make a group, and a group of enough frames is a possible place, unless it may be the person of a found
-place.
+place. A group whose boxes are right with a probability of at least the threshold is found, whatever the map says:
+the map is lowered by every frame that missed it. Not so a group that is spread out, which may be the way of somebody
+who walks, nor by the paper's rule.
 """
 
 from __future__ import annotations
@@ -22,6 +24,7 @@ from pipeline.fusion.salient import (
     connected,
     location,
     locations_of_all_classes,
+    numbered,
 )
 from pipeline.fusion.sightings import count_frames
 from pipeline.fusion.voxel_map import VoxelMap
@@ -45,9 +48,23 @@ def found_and_possible(
         for place in possible
         if not any(may_be_one(place, other, params.uncertainty) for other in found)
     ]
+    sure = [place for place in apart if _is_sure(place, params)]
+    if sure:
+        found = with_may_be(_in_order([*found, *sure]), params.uncertainty)
+        apart = [place for place in apart if not _is_sure(place, params)]
     apart.sort(key=lambda place: (-place.probability, -len(place.sightings), place.first_seen_ns))
     ids = range(len(found) + 1, len(found) + len(apart) + 1)
     return found, tuple(replace(place, id=i) for i, place in zip(ids, apart, strict=True))
+
+
+def _is_sure(place: SalientLocation, params: Fusion) -> bool:
+    """Whether a possible place is found by its boxes alone."""
+    together = place.spread_m <= params.cluster_distance
+    return params.update_rule != "paper" and together and place.probability >= params.threshold
+
+
+def _in_order(places: list[SalientLocation]) -> tuple[SalientLocation, ...]:
+    return numbered([replace(place, may_be=()) for place in places])
 
 
 def _groups(
@@ -60,7 +77,7 @@ def _groups(
     count, labels = connected(len(looks), pairs)
     groups = [[looks[i] for i in np.flatnonzero(labels == k).tolist()] for k in range(count)]
     return [
-        location(voxel_map.terrain, params.uncertainty, class_name, _cluster(voxel_map, group))
+        location(voxel_map.terrain, params, class_name, _cluster(voxel_map, group))
         for group in groups
         if count_frames(group) >= params.possible_frames
     ]

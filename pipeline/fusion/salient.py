@@ -19,11 +19,11 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from pipeline.config.fusion import Fusion
-from pipeline.config.uncertainty import Uncertainty
 from pipeline.fusion.error_ellipse import ErrorEllipse, ellipse_of
 from pipeline.fusion.error_propagation import place_covariance
 from pipeline.fusion.localization import locate, mean_intersection, weights
 from pipeline.fusion.look import Look
+from pipeline.fusion.published import published_probability
 from pipeline.fusion.sightings import count_looks, people_at_once
 from pipeline.fusion.voxel_map import VoxelMap
 from pipeline.geo.terrain import Terrain
@@ -37,14 +37,15 @@ _TOUCHING = 1.5
 class SalientLocation:
     """A place where a person is likely, or possible.
 
-    id: from 1, in the order of first sight. class_name: what is there. probability: mean of the cluster's
-    cells, 0..1. position_enu: float64 (3,), metres, on the terrain. latitude_deg, longitude_deg: WGS84.
-    height_m: above the terrain's datum. error: of the position, horizontal. spread_m: standard deviation of
-    the sightings' ground points about their mean, horizontal. cells: in the cluster. looks: how often it was looked
-    at and seen (see ``sightings``). first_seen_ns, last_seen_ns: capture times, ns UTC. streams, setups: who saw it,
-    sorted; a setup is ``MACHINE:DETECTOR`` of the plan. sightings: the boxes that it rests on, in their order.
-    people: how many people the sightings show at once, at least 1. may_be: ids of the places of which this may be
-    another sight of the same person.
+    id: from 1, in the order of first sight. class_name: what is there. probability: that somebody is there, 0..1:
+    by the place's sightings (see ``published``), or by the map's cells where there are none, and by the paper's
+    rule. map_probability: mean of the cluster's cells, 0..1. position_enu: float64 (3,), metres, on the terrain.
+    latitude_deg, longitude_deg: WGS84. height_m: above the terrain's datum. error: of the position, horizontal.
+    spread_m: standard deviation of the sightings' ground points about their mean, horizontal. cells: in the
+    cluster. looks: how often it was looked at and seen (see ``sightings``). first_seen_ns, last_seen_ns: capture
+    times, ns UTC. streams, setups: who saw it, sorted; a setup is ``MACHINE:DETECTOR`` of the plan. sightings:
+    the boxes that it rests on, in their order. people: how many people the sightings show at once, at least 1.
+    may_be: ids of the places of which this may be another sight of the same person.
     """
 
     id: int
@@ -65,6 +66,7 @@ class SalientLocation:
     sightings: tuple[Look, ...] = ()
     people: int = 1
     may_be: tuple[int, ...] = ()
+    map_probability: float | None = None
 
     @property
     def expected_people(self) -> float:
@@ -94,7 +96,7 @@ def salient_locations(
     the cell.
     """
     found = [
-        location(voxel_map.terrain, params.uncertainty, class_name, cluster)
+        location(voxel_map.terrain, params, class_name, cluster)
         for cluster in _clusters(voxel_map, looks, params)
     ]
     return numbered(found)
@@ -167,9 +169,7 @@ def _cell_of(
     return [number.get((k.row, k.column), near if near < len(cells) else -1) for k, near in found]
 
 
-def location(
-    terrain: Terrain, uncertainty: Uncertainty, class_name: str, cluster: Cluster
-) -> SalientLocation:
+def location(terrain: Terrain, params: Fusion, class_name: str, cluster: Cluster) -> SalientLocation:
     """The place of a cluster, as yet without a number."""
     if not cluster.looks:
         return _of_cells(terrain, class_name, cluster)
@@ -182,8 +182,9 @@ def location(
         terrain,
         (east, north, float(middle[2])),
         class_name=class_name,
-        probability=cluster.probability,
-        error=ellipse_of(place_covariance(looks, uncertainty)),
+        probability=cluster.probability if params.update_rule == "paper" else published_probability(looks),
+        map_probability=cluster.probability,
+        error=ellipse_of(place_covariance(looks, params.uncertainty)),
         spread_m=math.sqrt(float(weights(looks) @ (offsets**2).sum(axis=1))),
         cells=len(cluster.centers),
         looks=count_looks(looks),
@@ -206,6 +207,7 @@ def _of_cells(terrain: Terrain, class_name: str, cluster: Cluster) -> SalientLoc
         (east, north, up),
         class_name=class_name,
         probability=cluster.probability,
+        map_probability=cluster.probability,
         error=ellipse_of(covariance),
         spread_m=0.0,
         cells=len(offsets),

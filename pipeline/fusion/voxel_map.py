@@ -59,7 +59,8 @@ class VoxelMap:
       look: what hides a person from one of them hides the person from the next.
     - resolution_px: float32, greatest height in pixels at which a person of PERSON_HEIGHT_M showed; 0: never.
     - pod: float32 0..1, probability of detection of an object of the class had one been there: 1 - prod(1 -
-      POD of a look), and a look is as good as its best frame.
+      POD of a look), and a look is as good as its best frame; where the probability of being found is known, each
+      frame is as much of a look of its own as its share says.
     - last_seen_ns: int64, capture time, ns UTC; 0: never.
 
     The result of a series of updates depends on their order, because each is clamped.

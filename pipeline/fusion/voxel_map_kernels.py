@@ -51,8 +51,10 @@ def observe(  # type: ignore[no-untyped-def]
     max_distance, resolution = reach
     low, high = limits
     per_m, per_bin = 1.0 / max_distance, (found.size - 1) / max_distance
-    if found.size:
+    known = found.size > 0
+    if known:
         pod = 1.0
+    kept = (1.0 - found) ** share
     width = wide[0].shape[0]
     done = np.zeros(wide[2].size, dtype=np.bool_)
     for i in range(seen.shape[1]):
@@ -61,7 +63,8 @@ def observe(  # type: ignore[no-untyped-def]
             continue
         touched[r >> TILE_BITS, c >> TILE_BITS] = True
         cell = cells[_flat(r, c, touched.shape[1])]
-        factor = found[int(distance * per_bin + 0.5)] if found.size else 1.0 - distance * per_m
+        step = int(distance * per_bin + 0.5) if known else 0
+        factor = found[step] if known else 1.0 - distance * per_m
         if width or not _among(r, c, raised):
             less = min(factor * negative, 0.5 - 1e-9)
             odds = (0.5 - less) / (0.5 + less)
@@ -69,16 +72,17 @@ def observe(  # type: ignore[no-untyped-def]
                 odds = _odds_of_wide(r, c, odds, wide, done)
             cell.log_odds = min(max(cell.log_odds + share * math.log(odds), low), high)
             cell.observations += 1
-        _note_look(cell, pod * factor, resolution / distance, time)
+        _note_look(cell, pod * factor, kept[step] if known else -1.0, resolution / distance, time)
     if width:
         _raise_unseen(cells, owned, touched, wide, done, share, limits)
     for i in range(raised.shape[1]):  # they may lie behind their box, but they were seen
         if owned[raised[0, i] >> TILE_BITS, raised[1, i] >> TILE_BITS]:
             cell = cells[_flat(raised[0, i], raised[1, i], touched.shape[1])]
             factor = max(1.0 - raised_distances[i] / max_distance, 0.0)
-            if found.size and raised_distances[i] <= max_distance:
-                factor = found[int(raised_distances[i] * per_bin + 0.5)]
-            _note_look(cell, pod * factor, resolution / raised_distances[i], time)
+            step = int(min(raised_distances[i], max_distance) * per_bin + 0.5) if known else 0
+            _note_look(
+                cell, pod * factor, kept[step] if known else -1.0, resolution / raised_distances[i], time
+            )
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -118,13 +122,19 @@ def _raise_unseen(cells, owned, touched, wide, done, share, limits):  # type: ig
 
 
 @numba.njit(cache=True)
-def _note_look(cell, pod, resolution, time):  # type: ignore[no-untyped-def]
+def _note_look(cell, pod, kept, resolution, time):  # type: ignore[no-untyped-def]
+    """kept: of people there the share whom the frame left unfound, so far as it is a look of its own; below 0: not
+    known, and of a look its best frame's pod counts.
+    """
     time_ns, pause_ns = time
     if cell.looks == 0 or time_ns - cell.last_seen_ns > pause_ns:
         cell.pod_before = 1.0 - (1.0 - cell.pod_before) * (1.0 - cell.pod_look)
         cell.pod_look = 0.0
         cell.looks += 1
-    cell.pod_look = max(cell.pod_look, np.float32(pod))
+    if kept >= 0.0:
+        cell.pod_before = 1.0 - (1.0 - cell.pod_before) * kept
+    else:
+        cell.pod_look = max(cell.pod_look, np.float32(pod))
     cell.resolution_px = max(cell.resolution_px, np.float32(resolution))
     cell.last_seen_ns = max(cell.last_seen_ns, time_ns)
 

@@ -48,6 +48,7 @@ def _feature(
     properties: dict[str, Any] = {
         "class": location.class_name,
         "probability": round(float(location.probability), 6),
+        **map_probability_json(location),
         "seen_from": iso_time(location.first_seen_ns, clock),
         "seen_to": iso_time(location.last_seen_ns, clock),
         "clock": zone_name(clock),
@@ -91,3 +92,8 @@ def ellipse_json(error: ErrorEllipse) -> dict[str, Any]:
         "orientation_deg": round(error.orientation_deg, 1),
         "covariance_m2": [round(value, 6) for value in (east, both, north)],
     }
+
+
+def map_probability_json(place: SalientLocation) -> dict[str, float]:
+    """What the map's cells say of it; its probability is by its sightings."""
+    return {} if place.map_probability is None else {"map_probability": round(place.map_probability, 6)}

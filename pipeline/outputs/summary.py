@@ -16,7 +16,7 @@ from pipeline.ingest.finding import Finding
 from pipeline.ingest.track import Clock
 from pipeline.outputs.accounting import StreamAccount
 from pipeline.outputs.earlier_flight import EarlierFlight, flight_to_json
-from pipeline.outputs.salient_geojson import ellipse_json, support_json
+from pipeline.outputs.salient_geojson import ellipse_json, map_probability_json, support_json
 from pipeline.outputs.times import iso_time, zone_name
 from pipeline.outputs.truth import MATCH_RADIUS_M, TruthMatch
 from pipeline.outputs.verdict import Verdict, judge
@@ -225,6 +225,7 @@ def _place(place: SalientLocation, clock: Clock) -> dict[str, Any]:
         "id": place.id,
         "class": place.class_name,
         "probability": round(float(place.probability), 6),
+        **map_probability_json(place),
         "latitude_deg": round(float(place.latitude_deg), 8),
         "longitude_deg": round(float(place.longitude_deg), 8),
         "height_m": round(float(place.height_m), 3),

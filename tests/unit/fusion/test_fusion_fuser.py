@@ -243,3 +243,14 @@ def test_the_papers_rule_knows_no_substreams(plane, params, camera):
     for fuser in (plain, told):
         fuser.apply(_frame(PERSON))
     np.testing.assert_array_equal(told.map.log_odds, plain.map.log_odds)
+
+
+def test_frames_that_share_a_cause_make_the_pod_grow_as_their_share_says(plane, params, camera):
+    model = SubstreamModel(1.0, 1.0, (4.0, 5.0), (0.0, 0.4), camera.width)
+    uncertain = params.model_copy(update={"update_rule": "with_uncertainty"})
+    fuser = Fuser(plane, uncertain, {"a": camera}, {"d": 1.0}, substreams={("a", "d"): model})
+    for k in range(5):
+        fuser.apply(_frame(time_ns=1 + k * 10**8))
+    share = math.tanh(0.1 / (2.0 * uncertain.uncertainty.cause_time))
+    pod = float(fuser.map.pod[_cell(fuser, 0.1, 14.9)])
+    assert pod == pytest.approx(1.0 - 0.6 ** (1.0 + 4.0 * share), rel=1e-3)
