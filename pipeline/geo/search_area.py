@@ -179,7 +179,10 @@ def _ring(path: Path, points: Any, frame: LocalFrame) -> FloatArray:
         degrees = degrees[:-1]
     if len(degrees) < 3 or not np.isfinite(degrees).all() or np.any(np.abs(degrees) > (360.0, 90.0)):
         raise InputError(path, "a ring that is no ring of degrees", _EXPECTED)
-    return np.stack(frame.enu_from_wgs84(degrees[:, 1], degrees[:, 0]), axis=1)
+    meters = np.stack(frame.enu_from_wgs84(degrees[:, 1], degrees[:, 0]), axis=1)
+    if not np.isfinite(meters).all():
+        raise InputError(path, "a ring a quarter of the earth away from the flight", _EXPECTED)
+    return meters
 
 
 def _ring_m2(ring: FloatArray) -> float:
