@@ -41,6 +41,11 @@ def sampled(
         yield held, _tick(held.time_s, held.time_s + last_s, rate_hz, slack_s)
 
 
+def is_sampled(time_s: float, until_s: float, rate_hz: float, slack_s: float) -> bool:
+    """Whether ``sampled`` takes a picture that is shown from time_s until until_s."""
+    return _tick(time_s, until_s, rate_hz, slack_s) is not None
+
+
 def sampled_indices(times_s: FloatArray, rate_hz: float, slack_s: float, last_s: float) -> NDArray[np.int64]:
     """Numbers of the pictures that ``sampled`` takes, int64 (K,). times_s: float64 (N,), increasing."""
     until_s = np.append(times_s[1:], times_s[-1:] + last_s)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 from pipeline.ingest.finding import Finding
-from pipeline.ingest.sampling import sampled
+from pipeline.ingest.sampling import is_sampled, sampled
 from pipeline.ingest.source import LostPicture, PassedPicture, Picture, SourceInfo
 from pipeline.ingest.video.container import NOT_SOUGHT, opened
 from pipeline.ingest.video.decode import NotShown, shown_frames
@@ -93,8 +93,8 @@ class Recordings:
         lost: list[_Shown] = []
 
         def whole() -> Iterator[_Shown]:
-            for shown in self._shown():
-                if shown.frame is not None:
+            for shown in self._shown(rate_hz, slack_s):
+                if shown.frame is not None or shown.reason == "unneeded":
                     yield shown
                 else:
                     lost.append(shown)
@@ -139,12 +139,19 @@ class Recordings:
     def _ends_s(self) -> list[float]:
         return [offset_s for _, offset_s in self.files[1:]] + [np.inf]
 
-    def _shown(self) -> Iterator[_Shown]:
-        """Every picture of the used part; what the files promise and do not hold is missing."""
+    def _shown(self, rate_hz: float, slack_s: float) -> Iterator[_Shown]:
+        """Every picture of the used part; what the files promise and do not hold is missing.
+
+        One that is not sampled, and that no sampled one refers to, is not decoded.
+        """
         index = -1
         for file, offset_s in self.files:
             ended = index
-            for time_s, frame in _file_frames(file, self.start_s - offset_s, self.threads):
+
+            def needed(from_s: float, until_s: float, offset_s: float = offset_s) -> bool:
+                return is_sampled(offset_s + from_s, offset_s + until_s, rate_hz, slack_s)
+
+            for time_s, frame in _file_frames(file, self.start_s - offset_s, self.threads, needed):
                 index += 1
                 at_s = offset_s + time_s
                 if at_s >= self.end_s:
@@ -214,13 +221,17 @@ def _placed(files: list[VideoFile]) -> tuple[list[tuple[VideoFile, float]], list
 
 
 def _file_frames(
-    file: VideoFile, from_s: float, threads: int
+    file: VideoFile, from_s: float, threads: int, needed: Callable[[float, float], bool]
 ) -> Iterator[tuple[float, VideoFrame | NotShown]]:
-    """Time since the file's first picture, and the frame, of every picture."""
+    """Time since the file's first picture, and the frame, of every picture. needed: as is_sampled, by such times."""
     first, tick_s = file.index.first_ticks, file.index.tick_s
     from_ticks = None if from_s <= 0.0 else first + int(from_s / tick_s)
     with opened(file.info.path, threads) as (container, stream):
-        for ticks, frame in shown_frames(container, stream, from_ticks):
+
+        def needed_ticks(ticks: int, until: int) -> bool:
+            return needed((ticks - first) * tick_s, (until - first) * tick_s)
+
+        for ticks, frame in shown_frames(container, stream, from_ticks, needed_ticks):
             yield (ticks - first) * tick_s, frame
 
 
