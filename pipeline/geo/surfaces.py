@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numba
 import numpy as np
-import trimesh
 
 from pipeline.errors import InputError
 from pipeline.geo.frame import LocalFrame
 from pipeline.geo.terrain import Terrain
+
+if TYPE_CHECKING:
+    import trimesh
 
 
 def plane(
@@ -32,6 +35,8 @@ def load_mesh(path: Path, cell_m: float, frame: LocalFrame) -> Terrain:
     """The terrain of a mesh file, see sampled_mesh; the frame's origin is the mesh's (0, 0)."""
     if not path.is_file():
         raise InputError(path, "no file", "a mesh")
+    import trimesh  # takes half a second and 20 MB, and few missions have a mesh
+
     try:
         mesh = trimesh.load_mesh(path)
     except Exception as error:  # each of trimesh's readers raises what it likes

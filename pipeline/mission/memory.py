@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import gc
 from contextlib import suppress
 
 
@@ -11,5 +12,6 @@ def give_back() -> None:
 
     Does nothing where the C library is not GNU's.
     """
+    gc.collect()
     with suppress(AttributeError, OSError):
         ctypes.CDLL(None).malloc_trim(0)

@@ -8,6 +8,7 @@ from pipeline.allocation.plan import Assignment, Plan
 from pipeline.ingest.finding import Finding
 from pipeline.messages import Frame, Message
 from pipeline.mission.local import MAX_BACKLOG_S, bandwidth, make_detector, make_reducer
+from pipeline.mission.memory import give_back
 from pipeline.mission.prepared import PreparedMission
 from pipeline.mission.stages.reducer import ReducerStage
 from pipeline.mission.stages.source import SourceStage, StreamInput
@@ -25,6 +26,7 @@ def push_one_picture(prepared: PreparedMission, plan: Plan) -> list[Finding]:
     reducer = make_reducer(prepared, plan, lateness=False)
     findings = []
     for stream in prepared.streams:
+        give_back()
         frame = _first_frame(stream)
         if frame is None:
             text = f"none of the first {_TRIED} pictures with a pose can be decoded"

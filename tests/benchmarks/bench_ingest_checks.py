@@ -1,9 +1,11 @@
 """Injected faults of telemetry: which are noticed, and under which name; and false alarms on clean flights.
 
-    python -m tests.benchmarks.bench_ingest_checks --folder DIR [--judge]
+    python -m tests.benchmarks.bench_ingest_checks --folder DIR [--judge | --run]
 
 Seeds and magnitudes for development were fixed before the checks were written; those for judging (``--judge``) are
-others, and are not looked at while the checks are changed. Flights are rendered once and kept in the folder.
+others, and are not looked at while the checks are changed. Flights are rendered once and kept in the folder, and so
+are the results of the checks as they are. ``--run``: for what only a run can see, whole runs on flights of other
+seeds.
 """
 
 from __future__ import annotations
@@ -13,6 +15,7 @@ import copy
 import hashlib
 import json
 import math
+import os
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
@@ -32,15 +35,19 @@ from pipeline.geo.frame import LocalFrame
 from pipeline.ingest.checks.picture_motion import Motion, MotionParams, picture_motion
 from pipeline.ingest.telemetry.dji_srt import read_dji_srt
 from pipeline.mission import noticed as noticed_module
+from pipeline.mission.local import run_local
 from pipeline.mission.noticed import noticed
+from pipeline.mission.planning import plan
 from pipeline.mission.prepared import prepare
+from pipeline.mission.run_directory import write_run_directory
 from pipeline.simulation.flight import Flight
-from pipeline.simulation.mission_writer import write_rehearsal
+from pipeline.simulation.mission_writer import _write_telemetry, write_rehearsal
 from pipeline.simulation.rehearsal import Rehearsal, rehearse
 from pipeline.simulation.srt_writer import dji_srt
 
 ROOT = Path(__file__).resolve().parents[2]
 DEVELOPMENT_SEEDS, JUDGING_SEEDS = (2001, 2002, 2003, 2004), (3001, 3002, 3003, 3004)
+RUN_SEEDS = (4001, 4002)
 SECONDS, RATE_HZ, HEIGHT_M = 12, 10, 20.0
 HOVER = {"east": {"meters": 0}, "north": {"meters": -8}, "heading": {"degrees": 0}}
 #: what is changed in the small scenario: flights of each pattern
@@ -124,9 +131,7 @@ def flight_folder(folder: Path, pattern: str, seed: int) -> Path:
     scenario["recording"]["frame_rate"] = {"hertz": RATE_HZ}
     path = folder / f"{pattern}-{seed}.yaml"
     path.write_text(yaml.safe_dump(scenario), encoding="utf-8")
-    rehearsal = rehearse(load_scenario(path))
-    if pattern == "orbit":
-        rehearsal = replace(rehearsal, flights=orbits(rehearsal, seed))
+    rehearsal = rehearsed(path, pattern, seed)
     unfinished = folder / f".{pattern}-{seed}"
     shutil.rmtree(unfinished, ignore_errors=True)
     mission = write_rehearsal(rehearsal, unfinished, progress=lambda *_: None, workers=1)
@@ -135,6 +140,38 @@ def flight_folder(folder: Path, pattern: str, seed: int) -> Path:
         stream.telemetry.file.write_text(_disturbed_srt(stream, rehearsal.frame, rng), encoding="utf-8")
     unfinished.rename(target)
     return target
+
+
+def rehearsed(scenario: Path, pattern: str, seed: int) -> Rehearsal:
+    """The flights as they are flown."""
+    rehearsal = rehearse(load_scenario(scenario))
+    return rehearsal if pattern != "orbit" else replace(rehearsal, flights=orbits(rehearsal, seed))
+
+
+def exact_folder(folder: Path, pattern: str, seed: int) -> Path:
+    """The same pictures, with telemetry that is exact, as no drone's is but with RTK and a calm gimbal."""
+    target = folder / f"exact-{pattern}-{seed}"
+    if (target / "mission.yaml").is_file():
+        return target
+    source = flight_folder(folder, pattern, seed)
+    copied(source, target)
+    rehearsal = rehearsed(folder / f"{pattern}-{seed}.yaml", pattern, seed)
+    for number, flight in enumerate(rehearsal.flights):
+        _write_telemetry(target / f"drone-{number + 1}.srt", rehearsal, number, flight)
+    return target
+
+
+def copied(source: Path, folder: Path) -> dict[str, Any]:
+    """A copy of a mission, its videos as links; what its file says."""
+    shutil.rmtree(folder, ignore_errors=True)
+    shutil.copytree(source, folder, ignore=shutil.ignore_patterns("*.mp4"))
+    for video in source.glob("*.mp4"):
+        (folder / video.name).symlink_to(video.resolve())
+    mission: dict[str, Any] = yaml.safe_load((folder / "mission.yaml").read_text(encoding="utf-8"))
+    for key in ("inventory", "pool"):
+        mission[key] = str((source / mission[key]).resolve())
+    (folder / "mission.yaml").write_text(yaml.safe_dump(mission), encoding="utf-8")
+    return mission
 
 
 def orbits(rehearsal: Rehearsal, seed: int) -> tuple[Flight, ...]:
@@ -199,13 +236,7 @@ class Results:
 
 def injected(source: Path, change: Change | str, folder: Path) -> Path:
     """A copy of the mission with a fault in its first stream."""
-    shutil.rmtree(folder, ignore_errors=True)
-    shutil.copytree(source, folder, ignore=shutil.ignore_patterns("*.mp4"))
-    for video in source.glob("*.mp4"):
-        (folder / video.name).symlink_to(video.resolve())
-    mission = yaml.safe_load((folder / "mission.yaml").read_text(encoding="utf-8"))
-    for key in ("inventory", "pool"):
-        mission[key] = str((source / mission[key]).resolve())
+    mission = copied(source, folder)
     streams = mission["streams"]
     if change == "exchange":
         if len(streams) > 1:
@@ -229,17 +260,53 @@ def injected(source: Path, change: Change | str, folder: Path) -> Path:
     return folder / "mission.yaml"
 
 
+def runs(folder: Path) -> None:
+    """Print what ``check`` and ``run`` say of a hover and a grid with faults that boxes and the horizon show."""
+    known = faults(judge=False)
+    wanted = ["height +35 m", "height +15 m", "pitch sign", "focal length -13 %"]
+    for seed in RUN_SEEDS:
+        for pattern in ("hover", "grid"):
+            source = flight_folder(folder, pattern, seed)
+            for fault in ["none", *wanted]:
+                change = known[fault][0] if fault != "none" else moved(0.0)
+                mission = injected(source, change, folder / "injected-run")
+                print(f"{pattern}-{seed} {fault:20}", *_run(mission), sep="; ", flush=True)
+
+
+def _run(mission: Path) -> list[str]:
+    try:
+        prepared = noticed(prepare(mission))
+    except InputError as error:
+        return [f"check: error {error}"]
+    seen = [f.cause for f in prepared.findings if f.severity == "warning"]
+    finished = run_local(prepared, plan(prepared), lambda *_: None)
+    shutil.rmtree(mission.parent / "run", ignore_errors=True)
+    summary = write_run_directory(prepared, finished, mission.parent / "run")
+    more = [f"{f.cause} ({f.found}; {f.evidence})" for f in summary.findings[len(prepared.findings) :]]
+    boxes = {
+        stream: sum(n for (s, _), n in finished.reducer.fuser.sizes.items() if s == stream)
+        for stream in finished.counts
+    }
+    return [f"check: {seen}", f"run: {more}", f"sure boxes {boxes}", summary.verdict.kind]
+
+
 def main() -> None:
     """Print a row for each fault: how often it was noticed, and under which name."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--folder", type=Path, required=True)
     parser.add_argument("--judge", action="store_true")
+    parser.add_argument("--run", action="store_true")
+    parser.add_argument("--exact", action="store_true", help="Telemetry without any error but the fault.")
     options = parser.parse_args()
     options.folder.mkdir(parents=True, exist_ok=True)
     seeds = JUDGING_SEEDS if options.judge else DEVELOPMENT_SEEDS
     keep_motions()
+    if options.run:
+        runs(options.folder)
+        return
     results = Results(options.folder)
-    flights = {f"{p}-{s}": flight_folder(options.folder, p, s) for s in seeds for p in PATTERNS}
+    make = exact_folder if options.exact else flight_folder
+    flights = {make(options.folder, p, s).name: make(options.folder, p, s) for s in seeds for p in PATTERNS}
     alarms = {
         name: results.of(name, "none", lambda path=path: causes(path / "mission.yaml"))
         for name, path in flights.items()
@@ -252,19 +319,19 @@ def main() -> None:
     for fault, (change, cause) in faults(options.judge).items():
         rows = []
         for name, path in of_faults.items():
-            if change == "exchange" and name.startswith("hover"):
+            if change == "exchange" and "hover" in name:
                 continue
             found = results.of(
                 name,
                 fault,
                 lambda path=path, change=change: causes(
-                    injected(path, change, options.folder / "injected"), change != "exchange"
+                    injected(path, change, options.folder / f"injected-{os.getpid()}"), change != "exchange"
                 ),
             )
             right = any(cause in f.split("/") for f in found)
             rows.append((name, "right" if right else "other name" if found else "missed", found))
-        moving = [how for name, how, _ in rows if not name.startswith("hover")]
-        hovers = [how for name, how, _ in rows if name.startswith("hover")]
+        moving = [how for name, how, _ in rows if "hover" not in name]
+        hovers = [how for name, how, _ in rows if "hover" in name]
         counts = [
             {k: of.count(k) for k in ("right", "other name", "missed") if k in of} for of in (moving, hovers)
         ]
