@@ -32,15 +32,20 @@ def with_may_be(places: Sequence[SalientLocation], uncertainty: Uncertainty) -> 
 
 def may_be_one(a: SalientLocation, b: SalientLocation, uncertainty: Uncertainty) -> bool:
     """Whether the places a and b may be one person, at 95 % of the difference of their positions."""
-    if a.class_name != b.class_name or seen_at_once(a.sightings, b.sightings):
-        return False
-    if a.streams == b.streams:
-        uncertainty = uncertainty.model_copy(
-            update={"position_bias": 0.0, "height_bias": 0.0, "attitude_bias": 0.0}
-        )
     apart = (a.position_enu - b.position_enu)[:2]
-    covariance = _covariance(a, uncertainty) + _covariance(b, uncertainty)
-    return bool(apart @ np.linalg.solve(covariance, apart) <= chi_square_2(PROBABILITY))
+    # what costs little comes first, and rules out nearly all pairs
+    if a.class_name != b.class_name or not _agree(apart, a.error.covariance_m2 + b.error.covariance_m2):
+        return False
+    if seen_at_once(a.sightings, b.sightings):
+        return False
+    if a.streams != b.streams:
+        return True
+    noise = uncertainty.model_copy(update={"position_bias": 0.0, "height_bias": 0.0, "attitude_bias": 0.0})
+    return _agree(apart, _covariance(a, noise) + _covariance(b, noise))
+
+
+def _agree(apart: FloatArray, covariance_m2: FloatArray) -> bool:
+    return bool(apart @ np.linalg.solve(covariance_m2, apart) <= chi_square_2(PROBABILITY))
 
 
 def _covariance(place: SalientLocation, uncertainty: Uncertainty) -> FloatArray:

@@ -1,8 +1,8 @@
 """Possible places: where the map is below the threshold, but something was detected again and again.
 
-A map that is not sure says so. What stays here are the sightings that no found place rests on: those closer than the
-cluster distance make a group, and a group of enough frames is a possible place, unless it may be the person of a found
-place. A group whose boxes are right with a probability of at least the threshold is found, whatever the map says:
+A map that is not sure says so. What stays here are the sightings that no found place rests on: those in cells closer
+than the cluster distance make a group, and a group of enough frames is a possible place, unless it may be the person
+of a found place. A group whose boxes are right with a probability of at least the threshold is found, whatever the map says:
 the map is lowered by every frame that missed it. Not so a group that is spread out, which may be the way of somebody
 who walks, nor by the paper's rule.
 """
@@ -13,7 +13,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from pipeline.config.fusion import Fusion
 from pipeline.fusion.look import Look
@@ -21,7 +20,7 @@ from pipeline.fusion.one_person import may_be_one, with_may_be
 from pipeline.fusion.salient import (
     Cluster,
     SalientLocation,
-    connected,
+    clustered,
     location,
     locations_of_all_classes,
     numbered,
@@ -72,10 +71,12 @@ def _groups(
 ) -> list[SalientLocation]:
     if not looks:
         return []
-    points = np.array([look.intersection_enu for look in looks])
-    pairs = cKDTree(points).query_pairs(params.cluster_distance, output_type="ndarray")
-    count, labels = connected(len(looks), pairs)
-    groups = [[looks[i] for i in np.flatnonzero(labels == k).tolist()] for k in range(count)]
+    # cells, not sightings: a stone may be taken for a person ten thousand times
+    cells, cell_of = np.unique(np.array([(k.row, k.column) for k in looks]), axis=0, return_inverse=True)
+    count, labels = clustered(cells, voxel_map.terrain.centers(*cells.T), params.cluster_distance)
+    groups: list[list[Look]] = [[] for _ in range(count)]
+    for look, cell in zip(looks, np.ravel(cell_of).tolist(), strict=True):
+        groups[labels[cell]].append(look)
     return [
         location(voxel_map.terrain, params, class_name, _cluster(voxel_map, group))
         for group in groups

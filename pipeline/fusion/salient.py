@@ -125,7 +125,7 @@ def _clusters(voxel_map: VoxelMap, looks: Sequence[Look], params: Fusion) -> lis
         return []
     cells = np.stack([rows, columns], axis=1)
     centers = voxel_map.terrain.centers(rows, columns)
-    count, labels = _clustered(cells, centers, params.cluster_distance)
+    count, labels = clustered(cells, centers, params.cluster_distance)
     mine: list[list[Look]] = [[] for _ in range(count)]
     for look, cell in zip(looks, _cell_of(looks, cells, centers, params.cluster_distance / 2.0), strict=True):
         if cell >= 0:
@@ -137,16 +137,16 @@ def _clusters(voxel_map: VoxelMap, looks: Sequence[Look], params: Fusion) -> lis
     ]
 
 
-def _clustered(
+def clustered(
     cells: NDArray[np.int64], centers: FloatArray, distance_m: float
 ) -> tuple[int, NDArray[np.int32]]:
     """Number of clusters and the cluster of each cell: cells (N, 2) that touch, or middles within the distance."""
     near = cKDTree(centers).query_pairs(distance_m, output_type="ndarray")
     touching = cKDTree(cells).query_pairs(_TOUCHING, output_type="ndarray")
-    return connected(len(cells), np.concatenate([near, touching]))
+    return _connected(len(cells), np.concatenate([near, touching]))
 
 
-def connected(count: int, pairs: NDArray[np.int64]) -> tuple[int, NDArray[np.int32]]:
+def _connected(count: int, pairs: NDArray[np.int64]) -> tuple[int, NDArray[np.int32]]:
     """Number of groups and the group of each of ``count`` things, of which pairs (M, 2) belong together."""
     links = coo_array((np.ones(len(pairs), dtype=np.int8), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
     groups, labels = connected_components(links, directed=False)

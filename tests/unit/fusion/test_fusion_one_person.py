@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -146,3 +147,17 @@ def test_possible_places_come_after_the_found_ones_the_likeliest_first_and_not_b
     found, possible = listed(plane, [*sure, *near, *faint, *fair], params)
     assert [place.id for place in (*found, *possible)] == [1, 2, 3]
     assert [place.position_enu[1] > 10.0 for place in possible] == [True, False]
+
+
+def test_a_stone_that_is_taken_for_a_person_thousands_of_times_costs_no_square_of_that(plane, params):
+    """Pairs of sightings would be 8 million; pairs of their cells are a few hundred."""
+    rng = np.random.default_rng(4)
+    looks = [sighting(plane, *(0.25 + 0.4 * rng.normal(size=2)), 0.1 * k, p=0.502) for k in range(4_000)]
+    voxel_map = VoxelMap(plane, 0.1192, 0.971)
+    tracemalloc.start()
+    _, possible = found_and_possible({"person": voxel_map}, looks, params)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert len(possible) == 1
+    assert len(possible[0].sightings) == 4_000
+    assert peak < 50e6
