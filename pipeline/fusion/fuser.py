@@ -30,6 +30,7 @@ from pipeline.fusion.look import Look
 from pipeline.fusion.look_covariance import look_covariances
 from pipeline.fusion.optics import Optics, OpticsByFocalLength
 from pipeline.fusion.result_faults import box_fault, is_cut, pose_fault, shape_fault
+from pipeline.fusion.viewpoints import Viewpoints
 from pipeline.fusion.visibility import Visibility
 from pipeline.fusion.voxel_map import VoxelMap, log_odds
 from pipeline.geo.camera import Camera
@@ -97,6 +98,7 @@ class Fuser:
         self._substreams = {} if paper else dict(substreams or {})
         self._found: dict[tuple[object, ...], FloatArray | None] = {}
         self.last_ns: dict[tuple[str, str], int] = {}
+        self.viewpoints = Viewpoints(cameras)
 
     def apply(self, detections: Detections) -> None:
         """Apply one frame's result: first what it raises, then what it lowers.
@@ -110,6 +112,9 @@ class Fuser:
         sound = self._sound_boxes(detections)
         looks = self._looks(detections, sound) if sound else []
         boxes_px = detections.boxes_px[sound] if sound else _NO_BOXES
+        viewpoint = self.viewpoints.of_frame(
+            detections.stream, detections.time_ns, detections.pose.position_enu
+        )
         share, widths = self._share_that_counts(detections), self._widths(detections, looks)
         for name, voxel_map in self.maps.items():
             mine = [i for i, look in enumerate(looks) if look.class_name == name]
@@ -119,7 +124,7 @@ class Fuser:
             if raised and wide is NO_FOOTPRINTS:
                 voxel_map.update(cells[0], cells[1], share * log_odds(np.array([k.p for k in raised])))
             distances_m = np.array([math.dist(k.intersection_enu, k.camera_enu) for k in raised])
-            self._observe(voxel_map, name, detections, boxes_px, (cells, distances_m), wide, share)
+            self._observe(voxel_map, name, detections, boxes_px, (cells, distances_m), wide, share, viewpoint)
         vague = self._vague(widths)
         if vague.any():
             self.unplaced["known too badly where"] += int(vague.sum())
@@ -280,6 +285,7 @@ class Fuser:
         raised: tuple[NDArray[np.int64], FloatArray],
         wide: Footprints,
         share: float,
+        viewpoint: int,
     ) -> None:
         """negativeUpdate of Algorithm grid_update. raised: rows and columns (2, N), and distances (N,)."""
         camera, optics = self._cameras[detections.stream], self._optics_of(detections)
@@ -289,7 +295,7 @@ class Fuser:
         )
         voxel_map.observe(
             seen, distances_m, *raised, model, p_detector, detections.time_ns, wide, share,
-            self._found_by_distance(detections, model),
+            self._found_by_distance(detections, model), viewpoint,
         )  # fmt: skip
 
     def _worth(self, detections: Detections) -> SubstreamModel:

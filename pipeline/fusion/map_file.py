@@ -17,7 +17,7 @@ from pipeline.fusion.tiles import TILE, TILE_BITS
 from pipeline.fusion.voxel_map import VOXEL, VoxelMap
 from pipeline.storage.checksummed import read_records, write_records
 
-KIND = "searchlight map 1"
+KIND = "searchlight map 2"
 #: corners of grids that share their cells are whole cells apart, to this share of one
 _SAME_LATTICE = 1e-4
 

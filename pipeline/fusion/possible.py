@@ -2,9 +2,9 @@
 
 A map that is not sure says so. What stays here are the sightings that no found place rests on: those in cells closer
 than the cluster distance make a group, and a group of enough frames is a possible place, unless it may be the person
-of a found place. A group whose boxes are right with a probability of at least the threshold is found, whatever the map says:
-the map is lowered by every frame that missed it. Not so a group that is spread out, which may be the way of somebody
-who walks, nor by the paper's rule.
+of a found place. A group whose boxes are right with a probability of at least the threshold is found, whatever the map
+says: the map is lowered by every frame that missed it. Not so a group that is spread out, which may be the way of
+somebody who walks, nor by the paper's rule.
 """
 
 from __future__ import annotations

@@ -40,3 +40,4 @@ def merge(fusers: Sequence[Fuser], into: Fuser) -> None:
     into.looks[:] = sorted((look for fuser in fusers for look in fuser.looks), key=lambda look: look.order)
     into.refused, into.unplaced = fusers[0].refused.copy(), fusers[0].unplaced.copy()
     into.sizes, into.last_ns = fusers[0].sizes.copy(), fusers[0].last_ns.copy()
+    into.viewpoints.newest = dict(fusers[0].viewpoints.newest)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 from pipeline.fusion.footprint import NO_FOOTPRINTS, Footprints
+from pipeline.fusion.look_kernels import POD_STEPS, RESOLUTION_STEPS
 from pipeline.fusion.tiles import Tiles, Window
 from pipeline.fusion.voxel_map_kernels import add_clamped, observe
 from pipeline.geo.terrain import Terrain
@@ -26,17 +27,22 @@ LOOK_GAP_NS = 1_000_000_000
 _NOT_KNOWN = np.zeros(0)
 _NONE = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.float32)
 
-#: What is kept of a voxel, 32 bytes; all zero where nothing is known. pod_before: POD of the looks before the
-#: present one; pod_look: the best frame's of the present one.
+#: What is kept of a voxel, 32 bytes; all zero where nothing is known. pod_before: POD of the looks that are over;
+#: pod_look: the best frame's of the look that had the newest frame, from viewpoint. other, other_pod, other_age: of one
+#: more look that is open, see ``look_kernels``. resolution_px: in sixteenths of a pixel.
 VOXEL = np.dtype(
     [
         ("log_odds", "<f4"),
         ("observations", "<i4"),
-        ("looks", "<i4"),
-        ("resolution_px", "<f4"),
         ("pod_before", "<f4"),
         ("pod_look", "<f4"),
         ("last_seen_ns", "<i8"),
+        ("looks", "<u2"),
+        ("resolution_px", "<u2"),
+        ("viewpoint", "u1"),
+        ("other", "u1"),
+        ("other_pod", "u1"),
+        ("other_age", "u1"),
     ]
 )
 
@@ -55,9 +61,11 @@ class VoxelMap:
 
     - log_odds: float32, OctoMap's additive evidence with clamping; 0 where nothing is known.
     - observations: int32, number of updates.
-    - looks: int32, how often it was looked at. Frames that follow one another within LOOK_GAP_NS are one
-      look: what hides a person from one of them hides the person from the next.
-    - resolution_px: float32, greatest height in pixels at which a person of PERSON_HEIGHT_M showed; 0: never.
+    - looks: int32, how often it was looked at, up to 65,535. Frames of one viewpoint that follow one another within
+      LOOK_GAP_NS are one look: what hides a person from one of them hides the person from the next. Two drones that
+      see it at once are two looks.
+    - resolution_px: float32, to a sixteenth, greatest height in pixels at which a person of PERSON_HEIGHT_M
+      showed; 0: never.
     - pod: float32 0..1, probability of detection of an object of the class had one been there: 1 - prod(1 -
       POD of a look), and a look is as good as its best frame; where the probability of being found is known, each
       frame is as much of a look of its own as its share says.
@@ -121,9 +129,15 @@ class VoxelMap:
 
     def layer(self, name: str, window: Window = (slice(None), slice(None))) -> NDArray[Any]:
         """A part (rows, columns) of a layer; a copy. name: see the class."""
+        part: NDArray[Any]
         if name == "pod":
             before, look = self.tiles.part("pod_before", window), self.tiles.part("pod_look", window)
-            part: NDArray[Any] = 1.0 - (1.0 - before) * (1.0 - look)
+            other = self.tiles.part("other_pod", window).astype(np.float32) / np.float32(POD_STEPS)
+            part = 1.0 - (1.0 - before) * (1.0 - look) * (1.0 - other)
+        elif name == "looks":
+            part = self.tiles.part(name, window).astype(np.int32)
+        elif name == "resolution_px":
+            part = self.tiles.part(name, window).astype(np.float32) / np.float32(RESOLUTION_STEPS)
         else:
             part = self.tiles.part(name, window)
         part.flags.writeable = False  # a copy: what is written to it would be lost
@@ -156,6 +170,15 @@ class VoxelMap:
         """A field of VOXEL at cells (N,) that were touched: (N,)."""
         return np.asarray(self.tiles.cells[name][self.tiles.flat(rows, columns)])
 
+    def end_looks(self) -> None:
+        """Let every look be over: the next frame of a cell begins another one."""
+        for tile in self.tiles.touched_tiles():
+            cells = self.tiles.tile(*tile)
+            missed = (1.0 - cells["pod_before"]) * (1.0 - cells["pod_look"])
+            cells["pod_before"] = 1.0 - missed * (1.0 - cells["other_pod"] / np.float32(POD_STEPS))
+            for name in ("pod_look", "viewpoint", "other", "other_pod", "other_age"):
+                cells[name] = 0
+
     def valid(self, row: int, column: int) -> bool:
         """Whether there is a voxel: a cell of the terrain whose height is known."""
         rows, columns = self.terrain.shape
@@ -183,6 +206,7 @@ class VoxelMap:
         wide: Footprints = NO_FOOTPRINTS,
         share: float = 1.0,
         found: FloatArray | None = None,
+        viewpoint: int = 1,
     ) -> None:
         """Lower the voxels that a frame saw, raise those of its wide looks, and note how well it saw all of them.
 
@@ -191,7 +215,7 @@ class VoxelMap:
         looks' points. wide: the looks that have a width; if there is none, raised have been raised, and are not
         lowered. share: of the frame's evidence that counts, 0..1. found: float64 (K,), the probability that an
         object of the class is found at K equal steps from no distance to the model's greatest; absent: the paper's
-        distance factor, with p_detector.
+        distance factor, with p_detector. viewpoint: 1..255, of the frame, see ``Viewpoints``.
         """
         observe(
             self.tiles.cells,
@@ -209,6 +233,6 @@ class VoxelMap:
             ),
             _NOT_KNOWN if found is None else found,
             (model.max_distance_m, model.resolution_px_m),
-            (time_ns, LOOK_GAP_NS),
+            (time_ns, LOOK_GAP_NS, viewpoint),
             self.limits,
         )

@@ -7,6 +7,7 @@ import math
 import numba
 import numpy as np
 
+from pipeline.fusion.look_kernels import note_look
 from pipeline.fusion.tiles import TILE, TILE_BITS
 
 
@@ -45,7 +46,7 @@ def observe(  # type: ignore[no-untyped-def]
     the probability that somebody is found, at distances from 0 to where nobody is; then the first of strength is
     p_negative^max alone, and POD is what is found; empty: both fall linearly with the distance, as the paper's. reach:
     metres, where both have fallen to 0 (farther voxels are not lowered), and pixels per person times metres.
-    time: of the frame, and the longest pause within a look, ns. limits: of the log-odds.
+    time: as ``note_look`` takes it. limits: of the log-odds.
     """
     negative, pod, share = strength
     max_distance, resolution = reach
@@ -72,7 +73,7 @@ def observe(  # type: ignore[no-untyped-def]
                 odds = _odds_of_wide(r, c, odds, wide, done)
             cell.log_odds = min(max(cell.log_odds + share * math.log(odds), low), high)
             cell.observations += 1
-        _note_look(cell, pod * factor, kept[step] if known else -1.0, resolution / distance, time)
+        note_look(cell, pod * factor, kept[step] if known else -1.0, resolution / distance, time)
     if width:
         _raise_unseen(cells, owned, touched, wide, done, share, limits)
     for i in range(raised.shape[1]):  # they may lie behind their box, but they were seen
@@ -80,7 +81,7 @@ def observe(  # type: ignore[no-untyped-def]
             cell = cells[_flat(raised[0, i], raised[1, i], touched.shape[1])]
             factor = max(1.0 - raised_distances[i] / max_distance, 0.0)
             step = int(min(raised_distances[i], max_distance) * per_bin + 0.5) if known else 0
-            _note_look(
+            note_look(
                 cell, pod * factor, kept[step] if known else -1.0, resolution / raised_distances[i], time
             )
 
@@ -119,24 +120,6 @@ def _raise_unseen(cells, owned, touched, wide, done, share, limits):  # type: ig
             cell = cells[_flat(r, c, touched.shape[1])]
             cell.log_odds = min(max(cell.log_odds + share * math.log(odds), low), high)
             cell.observations += 1
-
-
-@numba.njit(cache=True)
-def _note_look(cell, pod, kept, resolution, time):  # type: ignore[no-untyped-def]
-    """kept: of people there the share whom the frame left unfound, so far as it is a look of its own; below 0: not
-    known, and of a look its best frame's pod counts.
-    """
-    time_ns, pause_ns = time
-    if cell.looks == 0 or time_ns - cell.last_seen_ns > pause_ns:
-        cell.pod_before = 1.0 - (1.0 - cell.pod_before) * (1.0 - cell.pod_look)
-        cell.pod_look = 0.0
-        cell.looks += 1
-    if kept >= 0.0:
-        cell.pod_before = 1.0 - (1.0 - cell.pod_before) * kept
-    else:
-        cell.pod_look = max(cell.pod_look, np.float32(pod))
-    cell.resolution_px = max(cell.resolution_px, np.float32(resolution))
-    cell.last_seen_ns = max(cell.last_seen_ns, time_ns)
 
 
 @numba.njit(cache=True)

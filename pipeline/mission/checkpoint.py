@@ -20,7 +20,7 @@ from pipeline.messages import Detections, pack, unpack
 from pipeline.mission.stages.reducer import HopHistogram, ReducerStage
 from pipeline.storage.checksummed import read_records, write_records
 
-KIND = "searchlight reducer 1"
+KIND = "searchlight reducer 2"
 
 
 def save_checkpoint(path: Path, stage: ReducerStage) -> None:
@@ -62,6 +62,7 @@ def _state(stage: ReducerStage) -> dict[str, Any]:
         "unplaced": stage.fuser.unplaced,
         "sizes": sorted(stage.fuser.sizes.items()),
         "last_ns": sorted(stage.fuser.last_ns.items()),
+        "viewpoints": sorted(stage.fuser.viewpoints.newest.items()),
         "sequencer": {
             "open": sequencer.open,
             "newest_ns": sorted(sequencer.newest_ns.items()),
@@ -92,6 +93,7 @@ def _restore_fuser(stage: ReducerStage, state: dict[str, Any]) -> None:
     fuser.refused, fuser.unplaced = Counter(state["fuser_refused"]), Counter(state["unplaced"])
     fuser.sizes = Counter(dict(state.get("sizes", ())))  # absent from checkpoints before it was counted
     fuser.last_ns = dict(state.get("last_ns", ()))
+    fuser.viewpoints.newest = dict(state["viewpoints"])
 
 
 def _look(values: tuple[Any, ...]) -> Look:

@@ -31,7 +31,7 @@ from pipeline.outputs.earlier_flight import EarlierFlight, flight_from_json
 from pipeline.storage.checksummed import read_records
 
 STATE_FILE = "map.state"
-KIND = "searchlight run 1"
+KIND = "searchlight run 2"
 LOOK_FIELDS = [field.name for field in fields(Look)]
 #: frames whose origins are this near are the same, degrees: a hundredth of a millimetre
 _SAME_ORIGIN_DEG = 1e-10
@@ -164,11 +164,10 @@ def go_on(fuser: Fuser, onto: EarlierRun, start_ns: int) -> None:
     for name, stored in onto.maps.items():
         voxel_map = fuser.maps[name]
         add_stored(stored, shift_of(onto.path, stored, voxel_map), voxel_map)
+        voxel_map.end_looks()
         for tile in voxel_map.tiles.touched_tiles():
             cells = voxel_map.tiles.tile(*tile)
             seen = cells["looks"] > 0
-            cells["pod_before"] = 1.0 - (1.0 - cells["pod_before"]) * (1.0 - cells["pod_look"])
-            cells["pod_look"] = 0.0
             latest_ns = np.minimum(cells["last_seen_ns"], start_ns - LOOK_GAP_NS - 1)
             cells["last_seen_ns"] = np.where(seen, latest_ns, 0)
     cells_of = _rows_and_columns(fuser, onto)

@@ -71,7 +71,7 @@ def _flip(data: bytes) -> bytes:
         (lambda data: data[:20], "a file whose checksum does not fit"),
         (lambda data: b"", "another kind of file"),
         (lambda data: b"II*" + data[3:], "another kind of file"),
-        (lambda data: data.replace(b"map 1", b"map 9", 1), "another kind of file"),
+        (lambda data: data.replace(b"map 2", b"map 9", 1), "another kind of file"),
     ],
     ids=["a bit", "half", "more", "head", "empty", "tif", "version"],
 )

@@ -79,7 +79,7 @@ def test_the_layers_of_how_well_it_was_observed_are_read_back(tmp_path: Path) ->
     voxel_map = map_of(SIZE, np.zeros((0, 2)))
     cells = voxel_map.tiles.cells
     known = voxel_map.tiles.flat(np.array([5, 6]), np.array([7, 8]))
-    cells["looks"][known], cells["resolution_px"][known], cells["pod_look"][known] = (2, 1), (40.0, 9.5), 0.25
+    cells["looks"][known], cells["resolution_px"][known], cells["pod_look"][known] = (2, 1), (640, 152), 0.25
     cells["pod_before"][known[0]] = 0.5
     cells["last_seen_ns"][known] = START_NS, START_NS + 2_500_000_000
     write_saliency(tmp_path / "saliency.tif", voxel_map)

@@ -75,7 +75,7 @@ def seen_map(rows=slice(0, 80), columns=slice(0, 80), terrain=TERRAIN):
     cells = np.nonzero(inside)
     voxel_map.update(*cells, np.full(len(cells[0]), -1.5))
     flat = voxel_map.tiles.flat(*cells)
-    for name, value in (("looks", 2), ("resolution_px", 80.0), ("pod_look", 0.9)):
+    for name, value in (("looks", 2), ("resolution_px", 1280), ("pod_look", 0.9)):
         voxel_map.tiles.cells[name][flat] = value
     return voxel_map
 
