@@ -36,6 +36,8 @@ _MOST = 0.25
 #: cells from a candidate's own cell to its middle, the median
 _FAR_CELLS = 3.0
 _TOLERANCE = 1e-3
+#: share of the candidates whose boxes may be infinite: sizes are exponentials, and those of nothing may run over
+_MOST_NOWHERE = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +70,7 @@ def try_out(session: Session, proposal: Proposal, facts: Facts) -> Verdict:
     for name, value in outputs.items():
         if value.dtype.kind == "f" and value.size and not np.isfinite(value).any():
             return Verdict(refused=f"it says NaN of the trial picture (in {name})")
-    if all(np.ptp(np.nan_to_num(np.asarray(v, np.float64))) == 0.0 for v in outputs.values() if np.size(v)):
+    if all(_is_level(value) for value in outputs.values() if value.size):
         return Verdict(silent=True)
     try:
         found = decode(outputs, size, proposal.layout, None, -np.inf)
@@ -78,6 +80,11 @@ def try_out(session: Session, proposal: Proposal, facts: Facts) -> Verdict:
     if wrong is not None:
         return Verdict(refused=wrong)
     return _seen(found, placement.image_from_input(found.boxes), outputs, size, proposal.layout)
+
+
+def _is_level(values: NDArray[Any]) -> bool:
+    """Whether all are one finite number."""
+    return bool((values == values.flat[0]).all() and np.isfinite(values.flat[0]))
 
 
 def takes_batches(session: Session, found: Layout, preparation: Preparation, axis: object) -> bool:
@@ -140,6 +147,9 @@ def _impossible(found: Candidates, outputs: Outputs, size: tuple[int, int], prop
     finite = np.isfinite(found.scores)
     if not finite.all() and not finite.any():
         return "it says NaN of the trial picture"
+    nowhere = int((~np.isfinite(found.boxes).all(axis=1)).sum())
+    if nowhere > _MOST_NOWHERE * len(found.boxes):
+        return f"{nowhere} of {len(found.boxes)} boxes would be NaN or infinite"
     scores = found.scores[finite]
     if scores.size and (scores.min() < -_TOLERANCE or scores.max() > 1.0 + _TOLERANCE):
         return f"scores would be {scores.min():.3g} to {scores.max():.3g}, not 0 to 1"

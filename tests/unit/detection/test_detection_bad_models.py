@@ -206,6 +206,15 @@ def test_two_thousand_mutated_models_end_no_process(good, tmp_path):
         look_at_mutants(good, tmp_path, 100, 100 + part)
 
 
+@pytest.mark.parametrize("nowhere", [np.nan, np.inf])
+def test_a_model_whose_boxes_are_all_no_numbers_is_refused_even_if_it_finds_nothing(tmp_path, nowhere):
+    net = Net()
+    scores = net.class_scores(net.score(), columns=True)
+    boxes = np.full((1, 4, len(net.boxes())), nowhere)
+    net.give(net.op("Concat", net.const(boxes), scores, axis=1), "y", [1, 4 + net.classes, None])
+    refused(net.save(tmp_path / "nowhere.onnx"), "504 of 504 boxes would be NaN or infinite")
+
+
 def test_weights_that_are_listed_as_inputs_are_folded_and_the_outputs_stay(tmp_path):
     net = Net()
     yolov8(net)
