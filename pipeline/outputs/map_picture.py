@@ -90,9 +90,10 @@ def second_look_picture(voxel_map: VoxelMap, areas: Sequence[SecondLookArea], fl
     _draw_ground(axes, voxel_map, window)
     _draw_colors(axes, voxel_map, window)
     for area in areas:
-        axes.fill(*area.rings[0].T, fc="#E69F0066", ec="#A05A00", lw=1.4, zorder=3)
-        for hole in area.rings[1:]:
-            axes.fill(*hole.T, fc="#ffffff66", ec="#A05A00", lw=0.8, zorder=3)
+        for outer, *holes in area.pieces:
+            axes.fill(*outer.T, fc="#E69F0066", ec="#A05A00", lw=1.4, zorder=3)
+            for hole in holes:
+                axes.fill(*hole.T, fc="#ffffff66", ec="#A05A00", lw=0.8, zorder=3)
         style: dict[str, Any] = {
             "ha": "center",
             "va": "center",

@@ -30,7 +30,7 @@ _RELATIVE_TO_HOME = 1
 
 
 def write_second_look(path: Path, areas: Sequence[SecondLookArea], frame: LocalFrame) -> None:
-    """Write a Polygon per area, the most worth first (RFC 7946)."""
+    """Write a Polygon per area, or a MultiPolygon, the most worth first (RFC 7946)."""
     _write(path, _collection([_area(area, frame) for area in areas]))
 
 
@@ -135,10 +135,13 @@ def _item(number: int, command: int, frame: int, params: list[float | None]) -> 
 
 
 def _area(area: SecondLookArea, frame: LocalFrame) -> dict[str, Any]:
+    pieces = [[_degrees(ring, frame) for ring in rings] for rings in area.pieces]
     return {
         "type": "Feature",
         "id": area.id,
-        "geometry": {"type": "Polygon", "coordinates": [_degrees(ring, frame) for ring in area.rings]},
+        "geometry": {"type": "Polygon", "coordinates": pieces[0]}
+        if len(pieces) == 1
+        else {"type": "MultiPolygon", "coordinates": pieces},
         "properties": {
             "reasons": {name: round(m2, 2) for name, m2 in area.reasons.items()},
             "area_m2": round(area.area_m2, 2),

@@ -9,7 +9,7 @@ itself where it is undecided.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import rasterio
@@ -57,8 +57,9 @@ class Layers:
 class SecondLookArea:
     """id: from 1, the most worth first. reasons: area in square metres by reason. worth: expected people.
 
-    rings: closed outlines, each float64 (N, 2), east and north, metres: the outer, counter-clockwise, then
-    the holes. cells_enu: float64 (M, 2), the middles of the area's cells.
+    rings: closed outlines of its largest piece, each float64 (N, 2), east and north, metres: the outer,
+    counter-clockwise, then the holes; no ring touches itself or another one.
+    further: of its other pieces. cells_enu: float64 (M, 2), the middles of the area's cells.
     """
 
     id: int
@@ -67,6 +68,12 @@ class SecondLookArea:
     worth: float
     rings: tuple[FloatArray, ...]
     cells_enu: FloatArray
+    further: tuple[tuple[FloatArray, ...], ...] = ()
+
+    @property
+    def pieces(self) -> tuple[tuple[FloatArray, ...], ...]:
+        """The rings of every piece, the largest first."""
+        return (self.rings, *self.further)
 
 
 def layers_of(voxel_map: VoxelMap) -> Layers:
@@ -119,22 +126,21 @@ def _area(
     # the outline is that of the joined pieces, so that one area is one polygon
     pad, radius = _pad(params, cell_m), 0.5 * params.merge_distance / cell_m
     joined = ndimage.binary_closing(np.pad(mine, pad), _disc(radius))
+    largest, *further = _outlines(joined, corner - pad * cell_m, cell_m)
     return SecondLookArea(
         0,
         {name: float(size) for name, size in zip(REASONS, sizes, strict=True) if size > 0.0},
         float(mine.sum()) * cell_m**2,
         missed + chance,
-        _outline(joined, corner - pad * cell_m, cell_m),
+        largest,
         corner + (np.stack([columns, rows], axis=1) + 0.5) * cell_m,
+        tuple(further),
     )
 
 
 def _numbered(areas: Sequence[SecondLookArea]) -> tuple[SecondLookArea, ...]:
     ordered = sorted(areas, key=lambda a: (-a.worth, -a.area_m2, *a.cells_enu[0]))
-    return tuple(
-        SecondLookArea(k, a.reasons, a.area_m2, a.worth, a.rings, a.cells_enu)
-        for k, a in enumerate(ordered, start=1)
-    )
+    return tuple(replace(a, id=k) for k, a in enumerate(ordered, start=1))
 
 
 def _reasons(layers: Layers, searched: Mask, cell_m: float, fusion: Fusion) -> NDArray[np.bool_]:
@@ -182,15 +188,29 @@ def _disc(radius: float) -> Mask:
     return np.asarray(np.hypot(x, y) <= max(radius, 1.0))
 
 
-def _outline(mask: Mask, corner: FloatArray, cell_m: float) -> tuple[FloatArray, ...]:
-    """Rings of the largest connected piece, the outer one first, in the sense that GeoJSON asks for."""
+def _outlines(mask: Mask, corner: FloatArray, cell_m: float) -> list[tuple[FloatArray, ...]]:
+    """Rings of every connected piece, the largest first, each the outer one first, in the sense of GeoJSON."""
+    mask = _without_pinches(mask)
     transform = rasterio.Affine(cell_m, 0.0, corner[0], 0.0, cell_m, corner[1])
-    pieces = rasterio.features.shapes(mask.astype(np.uint8), mask=mask, connectivity=8, transform=transform)
+    pieces = rasterio.features.shapes(mask.astype(np.uint8), mask=mask, connectivity=4, transform=transform)
     polygons = [[np.array(ring) for ring in shape["coordinates"]] for shape, _ in pieces]
-    rings = max(polygons, key=lambda polygon: abs(_signed_area(polygon[0])))
-    return tuple(
-        ring if (_signed_area(ring) > 0.0) == (k == 0) else ring[::-1] for k, ring in enumerate(rings)
-    )
+    polygons.sort(key=lambda polygon: -abs(_signed_area(polygon[0])))
+    return [
+        tuple(ring if (_signed_area(ring) > 0.0) == (k == 0) else ring[::-1] for k, ring in enumerate(rings))
+        for rings in polygons
+    ]
+
+
+def _without_pinches(mask: Mask) -> Mask:
+    """The mask and what it takes that no two cells meet at a corner alone: there a ring would touch itself."""
+    mask = mask.copy()
+    while True:
+        nw, ne, sw, se = mask[:-1, :-1], mask[:-1, 1:], mask[1:, :-1], mask[1:, 1:]
+        down, up = nw & se & ~ne & ~sw, ne & sw & ~nw & ~se
+        if not (down.any() or up.any()):
+            return mask
+        mask[:-1, :-1] |= up
+        mask[:-1, 1:] |= down
 
 
 def _signed_area(ring: FloatArray) -> float:

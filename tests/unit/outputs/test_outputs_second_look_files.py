@@ -1,3 +1,4 @@
+import dataclasses
 import json
 import math
 
@@ -40,6 +41,14 @@ def test_an_area_is_a_closed_polygon_with_its_reasons(tmp_path):
     east, north = FRAME.enu_from_wgs84(np.array(ring)[:, 1], np.array(ring)[:, 0])
     np.testing.assert_allclose(np.stack([east, north], axis=1), RING, atol=2e-3)
     assert feature["properties"] == {"reasons": {LOW_POD: 50.0}, "area_m2": 50.0, "worth": 0.005}
+
+
+def test_an_area_of_several_pieces_is_one_feature_with_all_of_them(tmp_path):
+    other = RING + np.array([30.0, 0.0])
+    write_second_look(tmp_path / "a.geojson", [dataclasses.replace(AREA, further=((other,),))], FRAME)
+    (feature,) = json.loads((tmp_path / "a.geojson").read_text())["features"]
+    assert feature["geometry"]["type"] == "MultiPolygon"
+    assert [len(rings) for rings in feature["geometry"]["coordinates"]] == [1, 1]
 
 
 def test_the_flight_is_a_line_from_home_and_back(tmp_path):

@@ -106,3 +106,45 @@ def test_a_cell_that_was_hardly_observed_is_not_undecided(params):
     layers = well_seen()
     layers.probability[45, 10], layers.observations[45, 10] = 0.5, 1
     assert areas(layers, params) == ()
+
+
+def drawn(pieces):
+    """Area of rings with holes, by the shoelace formula."""
+    x = [np.sum(r[:-1, 0] * r[1:, 1] - r[1:, 0] * r[:-1, 1]) / 2.0 for rings in pieces for r in rings]
+    return sum(x)  # holes go round the other way
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_outlines_are_valid_polygons_that_hold_all_of_the_area(params, seed):
+    """No corner twice in a ring or in two rings: then no ring crosses or touches itself or another one."""
+    rng = np.random.default_rng(seed)
+    layers = well_seen()
+    layers.pod[rng.random(SHAPE) < (0.15, 0.3, 0.5)[seed % 3]] = 0.1
+    found = areas(layers, params, merge_distance=(0.5, 1.0, 2.0)[seed % 3], min_area=0.25)
+    assert found
+    for area in found:
+        corners = [tuple(p) for rings in area.pieces for ring in rings for p in ring[:-1].round(6).tolist()]
+        assert len(corners) == len(set(corners))
+        assert all((ring[0] == ring[-1]).all() for rings in area.pieces for ring in rings)
+        assert drawn(area.pieces) >= area.area_m2 - 1e-6
+        sizes = [abs(drawn([piece])) for piece in area.pieces]
+        assert sizes[0] == max(sizes)
+
+
+def test_two_corners_that_meet_do_not_make_a_ring_that_touches_itself(params):
+    layers = well_seen()
+    block(layers.pod, 0.2, slice(10, 16), slice(10, 16))
+    block(layers.pod, 0.2, slice(16, 22), slice(16, 22))
+    (area,) = areas(layers, params, merge_distance=0.5)
+    (ring,) = area.rings
+    corners = [tuple(p) for p in ring[:-1].tolist()]
+    assert len(corners) == len(set(corners))
+    assert area.further == ()
+
+
+def test_pieces_that_are_one_area_but_do_not_touch_are_all_drawn(params):
+    layers = well_seen()
+    block(layers.pod, 0.2, slice(10, 18), slice(10, 18))
+    block(layers.pod, 0.2, slice(10, 18), slice(21, 25))  # 1.5 m away
+    (area,) = areas(layers, params)
+    assert drawn(area.pieces) >= area.area_m2 == 24.0
