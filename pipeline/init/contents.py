@@ -94,9 +94,14 @@ def _flown(stills: dict[Path, int], unused: dict[Path, str]) -> tuple[StillsFold
             unused[album] = f"{count} stills; a flight has at least {LEAST_STILLS}"
             continue
         try:
-            flown.append(_stills(album))
+            stills_folder = _stills(album)
         except InputError as error:
             unused[album] = error.found
+            continue
+        if stills_folder.track.has_position.any():
+            flown.append(stills_folder)
+        else:
+            unused[album] = f"{count} stills, none with a position"
     return tuple(flown)
 
 

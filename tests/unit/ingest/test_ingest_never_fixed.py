@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from pipeline.config.telemetry import Column, Telemetry
 from pipeline.errors import InputError
@@ -22,6 +23,7 @@ from pipeline.ingest.trajectory_of import Ground, trajectory_of
 from pipeline.init.contents import contents_of
 from tests.dialects import dji_subtitles, gpmf, klv, mavlink_tlog
 from tests.dialects.tracks import START_NS, flight
+from tests.stills import write_still
 
 WHEN = datetime(2026, 6, 14, 9, 30, tzinfo=UTC)
 GROUND = Ground("ellipsoid", lambda east, north: 100.0)
@@ -143,6 +145,23 @@ def test_in_a_folder_it_is_left_aside_by_name(tmp_path: Path) -> None:
     contents = contents_of(tmp_path)
     assert contents.telemetry == {}
     assert set(contents.unused.values()) == {f"{ROWS} samples, none with a position"}
+
+
+@pytest.mark.parametrize("gps", ["zeros", "none"])
+def test_an_album_without_positions_is_left_aside_by_name(tmp_path: Path, gps: str) -> None:
+    picture = np.zeros((64, 96, 3), np.uint8)
+    for k in range(6):
+        path = tmp_path / f"IMG_{k}.JPG"
+        write_still(path, picture, WHEN + timedelta(seconds=k), 0.0, 0.0, 0.0, {})
+        if gps == "none":
+            with Image.open(path) as image:
+                exif = image.getexif()
+                exif.get_ifd(0x8825).clear()
+                del exif[0x8825]
+                image.save(path, exif=exif)
+    contents = contents_of(tmp_path)
+    assert contents.stills == ()
+    assert contents.unused == {tmp_path: "6 stills, none with a position"}
 
 
 def test_one_fix_is_enough_to_leave_the_others_out(tmp_path: Path) -> None:
