@@ -25,7 +25,7 @@ from pipeline.training.pictures import Image, PictureSet
 _PERSON = 1
 _HALF = np.array([0.5])
 #: low enough that the average precision is not cut short
-LOWEST_SCORE = 0.02
+LOWEST_SCORE = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +117,9 @@ def by_attribute(looked: Looked, data: LabelledPictures, threshold: float) -> di
 
 
 def by_size(looked: Looked, edges: tuple[float, ...]) -> dict[str, Any]:
-    """AP .5 of the people of each size: square root of the box's area, pixels."""
+    """AP .5 of the people of each size: square root of the box's area, pixels. As in COCO's classes, a size on an
+    edge is in both.
+    """
     out: dict[str, Any] = {}
     every = np.ones((1, len(looked.attributes)))
     for low, high in pairwise([0.0, *edges, np.inf]):

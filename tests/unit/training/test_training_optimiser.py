@@ -15,7 +15,7 @@ from pipeline.training.optimiser import Optimiser, batch_of, learning_rate  # no
 from pipeline.training.pictures import PictureSet  # noqa: E402
 
 CONFIGS = Path(__file__).parents[3] / "configs" / "detectors"
-FAMILY = ("nano", "small", "medium", "large", "thermal-nano", "thermal-small", "thermal-medium")
+FAMILY = ("nano", "small", "medium", "large", "thermal-nano", "thermal-small")
 
 
 @pytest.fixture(scope="module")
