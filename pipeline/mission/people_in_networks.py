@@ -16,11 +16,10 @@ from pipeline.mission.local import substream_models
 from pipeline.mission.prepared import PreparedMission
 from pipeline.mission.proportions import middles
 from pipeline.sensor.expected_size import PERSON_HEIGHT_M, PERSON_WIDTH_M, expected_person_px
-from pipeline.sensor.model import SensorModel
 from pipeline.sensor.substream import SubstreamModel
 
-#: less of a chance in one frame is worth a warning
-_LOW_POD = 0.3
+#: less of a chance in one frame is worth a warning; where the chance was not measured, fewer pixels of height are
+_LOW_POD, _FEW_PX = 0.3, 12.0
 
 
 @dataclass(frozen=True)
@@ -28,23 +27,27 @@ class PersonInNetwork:
     """How a person in the middle of a stream's pictures looks to a detector of the plan: the median over its seconds.
 
     distance_m: from the camera. network_px: height in pixels of the network's input. pod: probability that one frame
-    finds the person, 0..1; is_absolute: as measured, else relative to the best of the pool, by the sensor model.
+    finds the person, 0..1, as measured; None where the pool does not know it.
     """
 
     stream: str
     detector: str
     distance_m: float
     network_px: float
-    pod: float
-    is_absolute: bool = True
+    pod: float | None
+
+    @property
+    def is_hard(self) -> bool:
+        """Whether the person is hard to find."""
+        return self.network_px < _FEW_PX if self.pod is None else self.pod < _LOW_POD
 
     @property
     def sentence(self) -> str:
         """For people."""
-        of_what = "" if self.is_absolute else " of that of the pool's best, by the sensor model"
+        chance = "was not measured" if self.pod is None else f"is {self.pod:.1f}"
         return (
             f"at {self.distance_m:.0f} m a person is {self.network_px:.0f} pixels high in the network of "
-            f"{self.detector}; its probability of detection in one frame is {self.pod:.1f}{of_what}"
+            f"{self.detector}; its probability of detection in one frame {chance}"
         )
 
 
@@ -74,7 +77,7 @@ def check_networks(prepared: PreparedMission, plan: Plan) -> list[Finding]:
             "fly lower, a longer focal length, or a detector that looks at tiles",
         )
         for p in people_in_networks(prepared, plan)
-        if p.pod < _LOW_POD
+        if p.is_hard
     ]
 
 
@@ -96,16 +99,13 @@ def _in_network(
         roots.append(expected_person_px(above_m, -down, focal_px))
     distance_m = float(np.median(distances))
     measured = worth.probability_found(np.array([float(np.median(roots))]), camera.width)
-    model = SensorModel(camera, prepared.mission.fusion)
-    pod = model.frame_pod(distance_m, worth.lowers) if measured is None else float(measured[0])
     scale = _scale(prepared.input_sizes[assignment.pool_detector], assignment, camera)
     return PersonInNetwork(
         assignment.stream,
         assignment.pool_detector,
         distance_m,
         float(np.median(heights)) * scale,
-        pod,
-        measured is not None,
+        None if measured is None else float(measured[0]),
     )
 
 

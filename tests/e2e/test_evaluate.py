@@ -130,7 +130,7 @@ def test_stills_give_a_pool_that_says_what_it_takes_for_granted(small_mission, t
     assert 0.2 < detector.accuracy[0].accuracy <= 1.0
     assert {row.size for row in detector.accuracy_by_size} <= {"small", "medium", "large"}
     assert detector.times[0].machine == "workstation"
-    assert "not of video" in detector.assumed
+    assert "not of encoded video" in detector.assumed
     assert pool.assumed == (f"small: {detector.assumed}",)
     assert "of pictures as they are" in pool.provenance["accuracy"]
 

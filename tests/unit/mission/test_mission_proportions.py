@@ -89,11 +89,11 @@ def test_a_person_in_a_network_is_as_high_as_the_pinhole_says(
         scale = min(size[0] / camera.width, size[1] / camera.height)
         expected = camera.fy * across_m / person.distance_m * scale
         assert person.network_px == pytest.approx(expected, rel=0.05)
-        assert 0.3 < person.pod < 1.0
+        assert person.pod is None
     assert check_networks(prepared, planned) == []
 
 
-@pytest.mark.parametrize("factor", [2.0, 4.0])
+@pytest.mark.parametrize("factor", [8.0, 12.0])
 def test_who_flies_too_high_for_the_network_is_warned(
     prepared: PreparedMission, planned: Plan, factor: float
 ) -> None:
@@ -103,7 +103,7 @@ def test_who_flies_too_high_for_the_network_is_warned(
     near, far = people_in_networks(prepared, planned), people_in_networks(high, planned)
     for one, other in zip(near, far, strict=True):
         assert other.network_px == pytest.approx(one.network_px / factor)
-        assert other.pod < one.pod
+        assert other.network_px < 12.0 < one.network_px
     warned = check_networks(high, planned)
     assert len(warned) == len(planned.assignments)
     assert {f.cause for f in warned} == {"small_in_network"}
@@ -116,10 +116,13 @@ def test_the_sentence_says_distance_pixels_and_probability() -> None:
         "its probability of detection in one frame is 0.3"
     )
     assert person.sentence == said
-    assert replace(person, is_absolute=False).sentence.startswith(f"{said} of that of the pool's best")
+    unknown = replace(person, pod=None)
+    assert unknown.sentence.endswith("its probability of detection in one frame was not measured")
+    assert (person.is_hard, replace(person, pod=0.29).is_hard) == (False, True)
+    assert (unknown.is_hard, replace(unknown, network_px=12.5).is_hard) == (True, False)
 
 
-def test_what_was_measured_comes_before_the_sensor_model(prepared: PreparedMission, planned: Plan) -> None:
+def test_the_probability_is_the_measured_one_or_none(prepared: PreparedMission, planned: Plan) -> None:
     bitrates = sorted({a.bitrate_bps for a in planned.assignments})
     shares = ((4.0, 8.0, 0.1), (8.0, 16.0, 0.2), (16.0, 2000.0, 0.7))
     found = [{"person_px_from": a, "person_px_below": b, "share": s, "people": 99} for a, b, s in shares]
@@ -136,9 +139,8 @@ def test_what_was_measured_comes_before_the_sensor_model(prepared: PreparedMissi
         for b in (bitrates[0], 2 * bitrates[-1])
     )
     people = people_in_networks(with_points(prepared, points), planned)
-    assert all(p.is_absolute for p in people)
-    assert all(0.2 < p.pod <= 0.7 for p in people)
-    assert not any(p.is_absolute for p in people_in_networks(with_points(prepared, ()), planned))
+    assert all(p.pod is not None and 0.2 < p.pod <= 0.7 for p in people)
+    assert all(p.pod is None for p in people_in_networks(with_points(prepared, ()), planned))
 
 
 def with_points(prepared: PreparedMission, points: tuple[OperatingPoint, ...]) -> PreparedMission:
