@@ -58,14 +58,14 @@ class _RunFile(logging.FileHandler):
 def logged_run(out: Path) -> Iterator[None]:
     """Within it all rooms log to a file beside the run directory ``out``, for ``keep_log`` to take.
 
-    If the block raises, the file is kept beside the directory as ``NAME.log``, with the error as its last line; else it
-    is gone afterwards, and so is one that an earlier failure left.
+    If the block raises, the file is kept beside the directory as ``NAME.failed-run.log``, the error in its last line;
+    else it is gone afterwards, and so is one that an earlier failure left.
     """
     absolute = out.absolute()
     absolute.parent.mkdir(parents=True, exist_ok=True)
     temporary, kept = (
         absolute.with_name(f".{absolute.name}.{uuid4().hex}.log.part"),
-        absolute.with_name(f"{absolute.name}.log"),
+        absolute.with_name(f"{absolute.name}.failed-run.log"),
     )
     handler = _RunFile(temporary, encoding="utf-8")
     handler.setFormatter(_JsonLines())

@@ -52,8 +52,8 @@ def test_after_a_failure_the_log_is_kept_beside_the_run_directory(
 
     with pytest.raises(type(error)):
         run()
-    assert [p.name for p in tmp_path.iterdir()] == ["run.log"]
-    kept = lines(tmp_path / "run.log")
+    assert [p.name for p in tmp_path.iterdir()] == ["run.failed-run.log"]
+    kept = lines(tmp_path / "run.failed-run.log")
     assert [line["event"] for line in kept] == ["planned", "run failed"]
     assert type(error).__name__ in str(kept[1]["error"])
     with logged_run(tmp_path / "run"):
