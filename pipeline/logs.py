@@ -16,6 +16,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from uuid import uuid4
 
+from pipeline.errors import InputError
+
 #: the file of a run directory that holds the log of its run
 LOG_FILE = "run.log"
 _ROOT = logging.getLogger("searchlight")
@@ -59,7 +61,8 @@ def logged_run(out: Path) -> Iterator[None]:
     """Within it all rooms log to a file beside the run directory ``out``, for ``keep_log`` to take.
 
     If the block raises, the file is kept beside the directory as ``NAME.failed-run.log``, the error in its last line;
-    else it is gone afterwards, and so is one that an earlier failure left.
+    else it is gone afterwards, and so is one that an earlier failure left. Input that is refused
+    leaves nothing: the refusal says it all.
     """
     absolute = out.absolute()
     absolute.parent.mkdir(parents=True, exist_ok=True)
@@ -73,6 +76,8 @@ def logged_run(out: Path) -> Iterator[None]:
     try:
         yield
         kept.unlink(missing_ok=True)
+    except InputError:
+        raise
     except BaseException as error:
         Log("mission").warning("run failed", error=f"{type(error).__name__}: {error}")
         handler.flush()

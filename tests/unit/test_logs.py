@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from pipeline.errors import InputError
 from pipeline.logs import LOG_FILE, Log, keep_log, logged_run
 
 
@@ -67,3 +68,9 @@ def test_two_runs_one_after_the_other_do_not_share_a_log(tmp_path: Path) -> None
             Log("mission").event(f"run {name}")
             keep_log(tmp_path / f"{name}.txt")
     assert [[line["event"] for line in lines(tmp_path / f"{n}.txt")] for n in "ab"] == [["run a"], ["run b"]]
+
+
+def test_input_that_is_refused_leaves_no_log(tmp_path):
+    with pytest.raises(InputError), logged_run(tmp_path / "run"):
+        raise InputError("mission.yaml", "nothing", "a mission")
+    assert not list(tmp_path.iterdir())
