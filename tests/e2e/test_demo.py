@@ -15,7 +15,7 @@ import rasterio.warp
 ROOT = Path(__file__).resolve().parents[2]
 DEMO = ROOT / "configs/missions/demo"
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
+pytestmark = pytest.mark.timeout(600)
 
 
 @pytest.fixture(scope="module")
