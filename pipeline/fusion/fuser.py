@@ -264,6 +264,7 @@ class Fuser:
             detections.pose.attitude_sd_rad,
             optics.camera.focal_sd,
             self._terrain.extra_sd_m(row, column),
+            self._worth(detections).trust,
         )
 
     def _measure(self, detections: Detections, box: list[float], hit: FloatArray, ray: FloatArray) -> None:

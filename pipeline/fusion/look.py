@@ -18,7 +18,7 @@ class Look:
     class_name: what was detected, the map's layer. box: its number in the detector's result. horizontal_sd_m,
     height_sd_m, attitude_sd_rad: of the camera's pose, as in ``CameraPose``. focal_sd: of the camera's focal length,
     as a share of it. terrain_sd_m: of the ground's height beside the mission's, where something stands in for the
-    surface model.
+    surface model. trust: how far the score holds for what the detector was sent, 0..1.
     """
 
     time_ns: int
@@ -40,6 +40,7 @@ class Look:
     attitude_sd_rad: float = math.nan
     focal_sd: float = 0.0
     terrain_sd_m: float = 0.0
+    trust: float = 1.0
 
     @property
     def order(self) -> tuple[int, str, str, int]:

@@ -23,7 +23,11 @@ _CERTAINTY = 0.01
 
 
 def published_probability(sightings: Sequence[Look]) -> float:
-    """Of at least one sighting: the mean of its scores in log-odds, as a probability in 0.01..0.99."""
-    scores = np.clip([look.score for look in sightings], _CERTAINTY, 1.0 - _CERTAINTY)
+    """Of at least one sighting: the mean of its scores in log-odds, as a probability in 0.01..0.99.
+
+    A score counts for as much as it holds at the bitrate (``Look.trust``): at 50 kbps a network finds people in blocks
+    of noise, and is as sure of them.
+    """
+    scores = np.clip([look.score * look.trust for look in sightings], _CERTAINTY, 1.0 - _CERTAINTY)
     mean = float(np.log(scores / (1.0 - scores)).mean())
     return float(1.0 / (1.0 + np.exp(-mean)))

@@ -37,7 +37,8 @@ class SubstreamModel:
 
     sizes_px, found: the share of people of a size (root of the box's area) who are found in one picture; empty
     where the pool does not know it. picture_width: of the pictures whose pixels sizes_px are in; 0: the stream's
-    own, for a detector that looks at tiles.
+    own, for a detector that looks at tiles. trust: how far its calibrated scores hold there, 0..1: wholly where they
+    were calibrated at the bitrate, else by what the bitrate leaves of the detector's accuracy.
     """
 
     raises: float
@@ -45,6 +46,7 @@ class SubstreamModel:
     sizes_px: tuple[float, ...] = ()
     found: tuple[float, ...] = ()
     picture_width: int = 0
+    trust: float = 1.0
 
     def probability_found(self, person_px: FloatArray, picture_width: int) -> FloatArray | None:
         """Absolute, of people so large (N,), in pixels of a picture of this width; None if it is not known."""
@@ -67,7 +69,12 @@ def substream_model(
     width = 0 if setup.tiling is not None or not points else points[0].picture_width
     raises = own if calibrated else there
     return SubstreamModel(
-        min(1.0, raises / best_accuracy), min(1.0, there / best_accuracy), sizes, found, width
+        raises=min(1.0, raises / best_accuracy),
+        lowers=min(1.0, there / best_accuracy),
+        sizes_px=sizes,
+        found=found,
+        picture_width=width,
+        trust=1.0 if calibrated or own == 0.0 else min(1.0, there / own),
     )
 
 

@@ -13,6 +13,7 @@ from pipeline.geo.frame import LocalFrame
 from pipeline.geo.pose import enu_from_camera
 from pipeline.geo.terrain import Terrain
 from pipeline.messages import CameraPose, Detections
+from pipeline.sensor.substream import SubstreamModel
 
 PLANE = Terrain(LocalFrame(47.0, 8.0), -40.0, -40.0, 0.5, np.zeros((160, 160), dtype=np.float32))
 DOWN = enu_from_camera(0.0, -math.pi / 2.0, 0.0)
@@ -79,3 +80,16 @@ def test_scores_are_averaged_in_log_odds(params, camera):
     assert published_probability(looks) == pytest.approx(0.75)
     assert published_probability([replace(look, score=1.0)]) == pytest.approx(0.99)
     assert published_probability(looks) == pytest.approx(published_probability(looks * 5))
+
+
+def test_a_score_that_does_not_hold_at_the_bitrate_makes_nobody_found(params, camera):
+    uncertain = params.model_copy(update={"update_rule": "with_uncertainty"})
+    model = SubstreamModel(raises=0.1, lowers=0.1, trust=0.1)
+    fuser = Fuser(PLANE, uncertain, {"a": camera}, {"d": 1.0}, substreams={("a", "d"): model})
+    pose = CameraPose(np.array([0.0, 0.0, 20.0]), DOWN)
+    box = np.array([[492.0, 248.0, 532.0, 288.0]])
+    for k in range(5):
+        fuser.apply(Detections("a", "d", k, k * 10**9, pose, box, np.array([0.9]), np.zeros(1, np.int64)))
+    found, possible = found_and_possible(fuser.maps, fuser.looks, uncertain)
+    assert found == ()
+    assert [place.probability for place in possible] == [pytest.approx(0.09)]

@@ -103,3 +103,9 @@ def test_the_probability_falls_with_the_distance():
     assert (np.diff(found) <= 0.0).all()
     assert found[0] == 1.0
     assert found[-1] < 0.3
+
+
+def test_scores_that_were_not_calibrated_at_the_bitrate_hold_as_far_as_accuracy_does():
+    assert substream_model(_detector(), "h264", 1e5, 0.8, PLAIN).trust == pytest.approx(0.25)
+    assert substream_model(_detector(), "h264", 1e7, 0.8, PLAIN).trust == 1.0
+    assert substream_model(MEASURED, "h264", 1e5, 0.8, PLAIN).trust == 1.0
