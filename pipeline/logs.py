@@ -61,8 +61,8 @@ def logged_run(out: Path) -> Iterator[None]:
     """Within it all rooms log to a file beside the run directory ``out``, for ``keep_log`` to take.
 
     If the block raises, the file is kept beside the directory as ``NAME.failed-run.log``, the error in its last line;
-    else it is gone afterwards, and so is one that an earlier failure left. Input that is refused
-    leaves nothing: the refusal says it all.
+    else it is gone afterwards, and so is one that an earlier failure left. Input that is refused leaves nothing: the
+    refusal says it all.
     """
     absolute = out.absolute()
     absolute.parent.mkdir(parents=True, exist_ok=True)

@@ -195,6 +195,11 @@ class PoolDetector(Strict):
     `39a8cc606af2327e5a7a3f24c5d2e27d3d2f40b7deaa6163e97647a17587153d`.
     """
 
+    @property
+    def best_accuracy(self) -> float:
+        """At whichever bitrate it is best, 0..1."""
+        return max(row.accuracy for row in self.accuracy)
+
     def require_model(self, where: object) -> Path:
         """The ONNX file. where: for the message of the InputError if there is none."""
         if self.model is None:

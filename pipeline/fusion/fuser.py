@@ -44,8 +44,8 @@ from pipeline.sensor.substream import SubstreamModel, found_by_distance
 #: score of a box that a person's size may be read from
 _SURE = 0.5
 _NO_BOXES = np.zeros((0, 4))
-#: tables of the probability of being found that are kept, and the distances in one
-_TABLES, _STEPS = 256, 512
+#: distances in a table of the probability of being found
+_STEPS = 512
 _NO_WIDTHS = np.zeros((0, 2, 2)), np.zeros((0, 2, 2))
 
 
@@ -96,7 +96,7 @@ class Fuser:
         paper = params.update_rule == "paper"
         self._uncertainty = EXACT if paper else params.uncertainty
         self._substreams = {} if paper else dict(substreams or {})
-        self._found: dict[tuple[object, ...], FloatArray | None] = {}
+        self._found: dict[tuple[str, str, str], FloatArray | None] = {}
         self.last_ns: dict[tuple[str, str], int] = {}
         self.viewpoints = Viewpoints(cameras)
 
@@ -308,11 +308,11 @@ class Fuser:
         return SubstreamModel(relative, relative)
 
     def _found_by_distance(self, detections: Detections, model: SensorModel) -> FloatArray | None:
-        """See VoxelMap.observe."""
-        key = (detections.stream, detections.detector, detections.pose.focal_scale, model.object_class.name)
+        """See VoxelMap.observe. One table for every zoom: at a share of the greatest distance, which grows with the
+        focal length, people are as large in the picture.
+        """
+        key = (detections.stream, detections.detector, model.object_class.name)
         if key not in self._found:
-            while len(self._found) >= _TABLES:
-                del self._found[next(iter(self._found))]
             distances_m = np.linspace(0.0, model.max_distance_m, _STEPS)
             width = self._optics_of(detections).camera.width
             self._found[key] = found_by_distance(

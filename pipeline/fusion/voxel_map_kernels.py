@@ -53,8 +53,6 @@ def observe(  # type: ignore[no-untyped-def]
     low, high = limits
     per_m, per_bin = 1.0 / max_distance, (found.size - 1) / max_distance
     known = found.size > 0
-    if known:
-        pod = 1.0
     kept = (1.0 - found) ** share
     width = wide[0].shape[0]
     done = np.zeros(wide[2].size, dtype=np.bool_)

@@ -107,7 +107,7 @@ def make_reducer(
 def substream_models(prepared: PreparedMission, plan: Plan) -> dict[tuple[str, str], SubstreamModel]:
     """What each substream of a plan is worth, at the bitrate and under the codec that it is sent with."""
     pool = {d.id: d for d in prepared.pool.detectors}
-    best = max(row.accuracy for d in pool.values() for row in d.accuracy)
+    best = max(d.best_accuracy for d in pool.values())
     return {
         (a.stream, a.detector): substream_model(
             pool[a.pool_detector], codec_of(prepared, a), a.bitrate_bps, best, a.setup

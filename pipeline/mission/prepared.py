@@ -108,7 +108,7 @@ class PreparedMission:
     @property
     def relative_accuracy(self) -> dict[str, float]:
         """The paper's p_det_rel of every pool detector: its best accuracy over the best of the pool."""
-        best = {d.id: max(a.accuracy for a in d.accuracy) for d in self.pool.detectors}
+        best = {d.id: d.best_accuracy for d in self.pool.detectors}
         return {name: accuracy / max(best.values()) for name, accuracy in best.items()}
 
     def runnable(self, pool_detector: str) -> PoolDetector:

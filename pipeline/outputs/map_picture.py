@@ -253,16 +253,8 @@ def _draw_places(axes: Axes, locations: Sequence[SalientLocation]) -> list[Line2
         axes.plot(east, north, zorder=6, **style)
         outline = place.position_enu[:2] + place.error.outline()
         axes.plot(*outline.T, zorder=6, **_ELLIPSE)
-        axes.annotate(
-            str(place.id),
-            (east, north),
-            xytext=(8, 8),
-            textcoords="offset points",
-            fontsize=12,
-            fontweight="bold",
-            zorder=7,
-            path_effects=[patheffects.withStroke(linewidth=3.5, foreground="white")],
-        )
+        halo = [patheffects.withStroke(linewidth=3.5, foreground="white")]
+        _number(axes, place, 8, fontsize=12, fontweight="bold", path_effects=halo)
     small = style | {"ms": 10}
     found = Line2D([], [], ls="", label="found place, with its number", **small)
     ellipse = Line2D([], [], label="its error ellipse, 95 %", **_ELLIPSE)
@@ -274,16 +266,21 @@ def _draw_possible(axes: Axes, possible: Sequence[SalientLocation]) -> list[Line
     for place in possible:
         east, north = place.position_enu[:2]
         axes.plot(east, north, zorder=6, ls="", path_effects=_HALO, **style)
-        axes.annotate(
-            str(place.id),
-            (east, north),
-            xytext=(6, 6),
-            textcoords="offset points",
-            fontsize=9,
-            zorder=7,
-            path_effects=_HALO,
-        )
+        _number(axes, place, 6, fontsize=9, path_effects=_HALO)
     return [Line2D([], [], ls="", label="possible place", **style)] if possible else []
+
+
+def _number(axes: Axes, place: SalientLocation, points: int, **style: Any) -> None:
+    """A place's id, so many points right of it and above."""
+    east, north = place.position_enu[:2]
+    axes.annotate(
+        str(place.id),
+        (east, north),
+        xytext=(points, points),
+        textcoords="offset points",
+        zorder=7,
+        **style,
+    )
 
 
 def _draw_scale_and_north(axes: Axes) -> None:

@@ -61,7 +61,7 @@ def substream_model(
     detector: PoolDetector, codec: Codec, bitrate_bps: float, best_accuracy: float, setup: Setup
 ) -> SubstreamModel:
     """best_accuracy: of the whole pool, which p_det^rel is relative to."""
-    own = max(row.accuracy for row in detector.accuracy)
+    own = detector.best_accuracy
     there = _accuracy_there(detector, codec, bitrate_bps)
     points = _points(detector, codec)
     calibrated = any(point.calibration for point in points)

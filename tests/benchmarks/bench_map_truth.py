@@ -86,14 +86,7 @@ def fusion(world: World, understated: float) -> Fusion:
     return Fusion.model_validate(
         {
             "cell_size": {"meters": 0.5},
-            "positive_max": 0.36,
-            "negative_max": 0.2,
-            "tukey_alpha": 0.5,
-            "significant_point": "bottom_center",
             "object_size": {"width_min": low, "width_max": high, "height_min": low, "height_max": high},
-            "threshold": 0.7,
-            "cluster_distance": {"meters": 2.0},
-            "lateness": {"seconds": 2.0},
             "uncertainty": {k: {"meters": v / understated} for k, v in metres.items()}
             | {k: {"degrees": v / understated} for k, v in degrees.items()},
         }

@@ -51,14 +51,9 @@ def fusion(cell_m: float, noise_m: float, *, paper: bool) -> Fusion:
     return Fusion.model_validate(
         {
             "cell_size": {"meters": cell_m},
-            "positive_max": 0.36,
-            "negative_max": 0.2,
-            "tukey_alpha": 0.5,
             "significant_point": "center",
             "object_size": {"width_min": low, "width_max": high, "height_min": low, "height_max": high},
-            "threshold": 0.7,
             "cluster_distance": {"meters": 2.0},
-            "lateness": {"seconds": 2.0},
             "uncertainty": uncertainty,
         }
     )

@@ -92,7 +92,7 @@ def results(draw):
 def _knowledge(fuser, processed):
     maps = {name: list(map_records(voxel_map)) for name, voxel_map in fuser.maps.items()}
     looks = [(k.order, k.class_name, k.p, k.intersection_enu.tobytes()) for k in fuser.looks]
-    return maps, looks, fuser.refused, fuser.unplaced, processed
+    return maps, looks, fuser.refused, fuser.unplaced, fuser.last_ns, processed
 
 
 def _run(arrived, restarts=()):

@@ -1,9 +1,12 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from pipeline.config.uncertainty import EXACT
 from pipeline.errors import InputError
+from pipeline.fusion import fuser as fuser_module
 from pipeline.fusion.fuser import Fuser
 from pipeline.fusion.voxel_map import log_odds
 from pipeline.geo.pose import enu_from_camera
@@ -254,3 +257,53 @@ def test_frames_that_share_a_cause_make_the_pod_grow_as_their_share_says(plane, 
     share = math.tanh(0.1 / (2.0 * uncertain.uncertainty.cause_time))
     pod = float(fuser.map.pod[_cell(fuser, 0.1, 14.9)])
     assert pod == pytest.approx(1.0 - 0.6 ** (1.0 + 4.0 * share), rel=1e-3)
+
+
+def test_what_raises_and_what_lowers_are_two_worths(plane, params, camera):
+    exact = params.model_copy(update={"update_rule": "with_uncertainty", "uncertainty": EXACT})
+    worth = {("a", "d"): SubstreamModel(raises=0.9, lowers=0.2)}
+    fuser = Fuser(plane, exact, {"a": camera}, {"d": 0.5}, substreams=worth)
+    fuser.apply(_frame(PERSON))
+    model, distance = SensorModel(camera, params), 15.0 * math.sqrt(2.0)
+    assert fuser.looks[0].p == pytest.approx(model.positive(np.array(PERSON), 0.8, distance, 0.9), abs=1e-3)
+    row, column = _cell(fuser, 5.1, 14.9)
+    center = plane.centers(np.array([row]), np.array([column]))[0]
+    away = np.array(math.dist(center, POSE.position_enu))
+    assert float(fuser.map.log_odds[row, column]) == pytest.approx(
+        float(log_odds(model.negative(away, 0.2))), rel=1e-4
+    )
+
+
+def test_the_width_of_a_look_is_of_the_cameras_pixels_and_focal_length(plane, params, camera, monkeypatch):
+    """As the camera is zoomed, with its own uncertainty."""
+    asked, real = [], fuser_module.look_covariances
+    monkeypatch.setattr(fuser_module, "look_covariances", lambda *given: asked.append(given) or real(*given))
+    unsure = replace(camera, focal_sd=0.07)
+    uncertain = params.model_copy(update={"update_rule": "with_uncertainty"})
+    fuser = Fuser(plane, uncertain, {"a": unsure}, {"d": 1.0})
+    zoomed = replace(POSE, focal_scale=1.25)
+    fuser.apply(_frame(PERSON, pose=zoomed))
+    ((points, pose, uncertainty, pixel_rad, focal_sd),) = asked
+    np.testing.assert_array_equal(points, [fuser.looks[0].intersection_enu])
+    assert pose is zoomed
+    assert uncertainty == uncertain.uncertainty
+    assert (pixel_rad, focal_sd) == (pytest.approx(1.0 / (900.0 * 1.25)), 0.07)
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+def test_who_is_found_follows_the_pictures_width_and_the_zoom(plane, params, camera, factor):
+    """A picture half as wide with half the focal length, or a zoom: what counts is the evaluation's pixels."""
+    model = SubstreamModel(1.0, 1.0, (4.0, 30.0, 200.0), (0.0, 0.3, 0.9), camera.width)
+    uncertain = params.model_copy(update={"update_rule": "with_uncertainty"})
+
+    def pod(lens, pose=POSE):
+        fuser = Fuser(plane, uncertain, {"a": lens}, {"d": 1.0}, substreams={("a", "d"): model})
+        fuser.apply(_frame(pose=POSE))
+        fuser.apply(_frame(pose=pose, time_ns=10**12))
+        return float(fuser.map.pod[_cell(fuser, 0.1, 14.9)])
+
+    scaled = {name: getattr(camera, name) * factor for name in ("fx", "fy", "cx", "cy")}
+    size = {"width": round(camera.width * factor), "height": round(camera.height * factor)}
+    assert pod(replace(camera, **scaled, **size)) == pytest.approx(pod(camera), rel=5e-3)
+    zoomed = pod(camera, replace(POSE, focal_scale=factor))
+    assert (zoomed > pod(camera) + 0.02) if factor > 1.0 else (zoomed < pod(camera) - 0.02)

@@ -11,6 +11,7 @@ import onnxruntime
 import pytest
 import yaml
 
+from actors import machine
 from actors.machine import MachineActor
 from pipeline.allocation import literal as literal_program
 from pipeline.allocation.build import build_problem
@@ -30,6 +31,13 @@ from pipeline.sensor.setup import Tiling
 
 NANO = Path(__file__).parents[3] / "configs" / "detectors" / "nano.onnx"
 LAYERS = {"person": 0, "boat": 4}
+#: scale of the calibration by codec and bitrate
+SCALES = {("h264", 1e6): 1.0, ("h264", 4e6): 4.0, ("h265", 1e6): 7.0, ("h265", 4e6): 9.0}
+MEASURED = [
+    {"codec": codec, "bitrate": {"bps": bitrate}, "picture_width": 1024, "false_boxes": 0.1}
+    | {"calibration": {"scale": scale, "offset": 0.0}}
+    for (codec, bitrate), scale in SCALES.items()
+]
 
 
 def row(name: str, machine: str, **changes) -> dict:
@@ -199,14 +207,8 @@ def test_what_detections_are_worth_is_taken_at_the_plan_s_bitrate_and_codec(prep
         local, "open_pool_detector", lambda row, layers, setup: seen.append(row.calibration) or object()
     )
     monkeypatch.setattr(local, "DetectorStage", lambda detector, codec: codec)
-    measured = [
-        {"codec": codec, "bitrate": {"mbps": mbps}, "picture_width": 1024, "false_boxes": 0.1}
-        | {"calibration": {"scale": scale, "offset": 0.0}}
-        for codec, scales in (("h264", (1.0, 4.0)), ("h265", (7.0, 9.0)))
-        for mbps, scale in zip((1, 4), scales, strict=True)
-    ]
     rows = [
-        PoolDetector.model_validate(row(d.id, "small", operating_points=measured))
+        PoolDetector.model_validate(row(d.id, "small", operating_points=MEASURED))
         for d in prepared.pool.detectors
     ]
     prepared.pool = prepared.pool.model_copy(update={"detectors": tuple(rows)})
@@ -216,8 +218,7 @@ def test_what_detections_are_worth_is_taken_at_the_plan_s_bitrate_and_codec(prep
     )
     changed = replace(plan, assignments=assignments)
     assert list(local.make_detectors(prepared, changed).values()) == ["h264", "h265"]
-    scales = {("h264", 1e6): 1.0, ("h264", 4e6): 4.0, ("h265", 1e6): 7.0, ("h265", 4e6): 9.0}
-    assert [c.scale for c in seen] == [scales[a.codec, a.bitrate_bps] for a in assignments]
+    assert [c.scale for c in seen] == [SCALES[a.codec, a.bitrate_bps] for a in assignments]
     worth = local.substream_models(prepared, changed)
     for a in assignments:
         assert worth[a.stream, a.detector].lowers == {1e6: 0.4, 4e6: 0.6}[a.bitrate_bps] / 0.6
@@ -235,3 +236,21 @@ def test_the_reducer_is_handed_what_each_substream_is_worth(prepared, plan, monk
     local.make_reducer(prepared, plan, lateness=False)
     assert handed["substreams"] == local.substream_models(prepared, plan)
     assert set(handed["substreams"]) == {(a.stream, a.detector) for a in plan.assignments}
+
+
+def test_a_machine_opens_its_detectors_with_the_calibration_of_the_plan_s_bitrate_and_codec(
+    prepared, plan, monkeypatch
+):
+    seen = []
+    monkeypatch.setattr(
+        machine, "open_pool_detector", lambda row, layers, setup: seen.append(row.calibration)
+    )
+    actor = MachineActor("m", "127.0.0.1", b"t", "h265")
+    actor._layers = LAYERS
+    detector = PoolDetector.model_validate(row("d", "small", operating_points=MEASURED))
+    expected = []
+    for codec in ("", "h264"):
+        for a in plan.assignments:
+            actor._opened(replace(a, codec=codec), detector)
+            expected.append(SCALES[codec or "h265", a.bitrate_bps])
+    assert [c.scale for c in seen] == expected
