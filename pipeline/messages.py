@@ -65,7 +65,8 @@ class Packet:
     data: the codec's bytes. pts: presentation time in units of time_base_num / time_base_den seconds.
     width, height: pixels of the stream's picture, which the encoded one may be smaller than; 0: as encoded.
     encode_s: what encoding took. link_s: how long the link needed, where the sender can know it (pace max);
-    otherwise the receiver takes the difference to sent_ns, the sender's clock, ns UTC.
+    otherwise the receiver takes the difference to sent_ns, the sender's clock, ns UTC. epoch: of the plan that
+    it was sent under. sequence: number of the message within its substream and epoch, from 0, without gaps.
     """
 
     stream: str
@@ -83,6 +84,8 @@ class Packet:
     sent_ns: int = 0
     width: int = 0
     height: int = 0
+    epoch: int = 0
+    sequence: int = 0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,7 +103,7 @@ class Detections:
     """What one detector saw in one frame; N = 0 is evidence too.
 
     boxes_px: float64 (N, 4) x0, y0, x1, y1 in pixels of the stream's own picture, at whatever size it was sent.
-    scores: float64 (N,) in 0..1. class_ids: int64 (N,).
+    scores: float64 (N,) in 0..1. class_ids: int64 (N,). epoch, sequence: of the packet.
     """
 
     stream: str
@@ -112,6 +115,8 @@ class Detections:
     scores: FloatArray
     class_ids: NDArray[np.int64]
     hops: Hops = Hops()
+    epoch: int = 0
+    sequence: int = 0
 
     @property
     def order(self) -> tuple[int, str, str]:
@@ -121,21 +126,25 @@ class Detections:
 
 @dataclass(frozen=True, slots=True)
 class Dropped:
-    """A frame of a substream that will not be processed, and why."""
+    """A frame of a substream that will not be processed, and why. epoch, sequence: of its packet."""
 
     stream: str
     detector: str
     index: int
     time_ns: int
     reason: str
+    epoch: int = 0
+    sequence: int = 0
 
 
 @dataclass(frozen=True, slots=True)
 class EndOfStream:
-    """The last message of a substream (stream, detector)."""
+    """The last message of a substream (stream, detector). sequence: how many packets came before it."""
 
     stream: str
     detector: str
+    epoch: int = 0
+    sequence: int = 0
 
 
 Message = Packet | Detections | Dropped | EndOfStream

@@ -53,6 +53,8 @@ class DetectorStage:
             scores=scores,
             class_ids=classes,
             hops=Hops(message.encode_s, transfer_s, decoded - started, detected - decoded),
+            epoch=message.epoch,
+            sequence=message.sequence,
         )
 
     def skip(self, message: Message) -> Message:
@@ -74,4 +76,6 @@ def _in_own_picture(boxes: FloatArray, image: NDArray[np.uint8], packet: Packet)
 
 
 def _dropped(packet: Packet, reason: str) -> Dropped:
-    return Dropped(packet.stream, packet.detector, packet.index, packet.time_ns, reason)
+    return Dropped(
+        packet.stream, packet.detector, packet.index, packet.time_ns, reason, packet.epoch, packet.sequence
+    )

@@ -104,6 +104,7 @@ class SourceStage:
         self._link = link
         self._max_backlog_s = max_backlog_s
         self._encoders = {a.detector: self._encoder(a) for a in self.assignments}
+        self._packets_sent = {a.detector: 0 for a in self.assignments}
 
     def run(self, wait_until: Callable[[float], float]) -> None:
         """Send the whole stream. wait_until(time since its start, s) returns the link's time when a frame is due."""
@@ -116,7 +117,8 @@ class SourceStage:
     def end(self) -> None:
         """Tell every detector that the stream is over."""
         for assignment in self.assignments:
-            end = EndOfStream(self.stream.stream, assignment.detector)
+            sent = self._packets_sent[assignment.detector]
+            end = EndOfStream(self.stream.stream, assignment.detector, sequence=sent)
             self._link.send(assignment.site, assignment.detector, end, self.stream.end_s)
 
     def frames(self) -> Iterator[Frame]:
@@ -154,6 +156,7 @@ class SourceStage:
             return "link_full"
         packet = self._encode(frame, assignment)
         if self._link.send(assignment.site, assignment.detector, packet, now_s):
+            self._packets_sent[assignment.detector] += 1
             return None
         # the decoder will miss this packet: the next one must stand alone
         self._encoders[assignment.detector] = self._encoder(assignment)
@@ -189,4 +192,5 @@ class SourceStage:
             encode_s=encode_s,
             width=self.stream.video.width,
             height=self.stream.video.height,
+            sequence=self._packets_sent[assignment.detector],
         )

@@ -70,8 +70,17 @@ def test_every_substream_ends_with_its_end_of_stream(video: Path) -> None:
     _, sent, _ = run(video, [assignment("a"), assignment("b", period=2)], float("inf"))
     for detector in "ab":
         mine = [m for to, m in sent if to == detector]
-        assert mine[-1] == EndOfStream("v", detector)
+        assert mine[-1] == EndOfStream("v", detector, sequence=len(mine) - 1)
         assert all(isinstance(m, Packet) for m in mine[:-1])
+
+
+def test_packets_are_numbered_without_a_gap_though_frames_were_dropped_before_they_were_encoded(
+    video: Path,
+) -> None:
+    stage, sent, _ = run(video, [assignment("a")], 2e5)
+    packets = [m for _, m in sent if isinstance(m, Packet)]
+    assert stage.count.dropped, "the link is too slow for all frames"
+    assert [m.sequence for m in packets] == list(range(len(packets)))
 
 
 def test_captured_frames_are_those_not_sampled_and_those_due(video: Path) -> None:
