@@ -63,6 +63,10 @@ class RunFailedError(SearchlightError):
     exit_code = 1
 
 
+class InvalidPlanError(RunFailedError):
+    """A solver's plan breaks a limit of its problem; the message names the faults. It is not handed out."""
+
+
 def failure(error: Exception) -> SearchlightError:
     """An error as it travels from an actor: ours as it is, any other with its traceback as text."""
     if isinstance(error, SearchlightError):

@@ -212,8 +212,11 @@ def _stream_class(
     capacity = np.array(
         [UNLIMITED if math.isinf(bps) else round(bps) * problem.cycle for bps in links], dtype=np.int64
     )
-    value = np.array([[problem.gain_units(name, d, b) for b in levels] for d in firsts], dtype=np.int64)
-    in_time = np.array([[problem.in_time(name, d, b) for b in levels] for d in firsts], dtype=bool)
+    # the shape is stated, since a problem may have lost all its detectors
+    gains = [[problem.gain_units(name, d, b) for b in levels] for d in firsts]
+    value = np.array(gains, dtype=np.int64).reshape(load.shape)
+    timely = [[problem.in_time(name, d, b) for b in levels] for d in firsts]
+    in_time = np.array(timely, dtype=bool).reshape(load.shape)
     fits = load <= capacity[[kind.site for kind in kinds], None]
     kept = np.zeros(load.shape, dtype=np.int64)
     for (k, b), count in counts.items():

@@ -63,9 +63,57 @@ def phases_of(pattern: Pattern, per_frame: int) -> tuple[int, ...] | None:
     return _choose(pattern, per_frame, cycle, (0,) * (per_frame + 1), ())
 
 
+@lru_cache(maxsize=65536)
+def phases_near(pattern: Pattern, wanted: tuple[int | None, ...], per_frame: int) -> tuple[int, ...] | None:
+    """A phase for each period, the wanted ones where they cover; None if no choice covers.
+
+    wanted: by period, None for any; one outside its period counts as any. Not all may be had: they are then
+    gone through in order, and each that the others can still be chosen to is kept.
+    """
+    valid = tuple(w if w is not None and 0 <= w < p else None for w, p in zip(wanted, pattern, strict=True))
+    found = _completed(pattern, valid, per_frame)
+    if found is not None or not any(phase is not None for phase in valid):
+        return found
+    found = phases_of(tuple(sorted(pattern)), per_frame)
+    if found is None:
+        return None
+    fixed: tuple[int | None, ...] = (None,) * len(pattern)
+    for i, phase in enumerate(valid):
+        one_more = (*fixed[:i], phase, *fixed[i + 1 :])
+        if phase is not None and _completed(pattern, one_more, per_frame) is not None:
+            fixed = one_more
+    return _completed(pattern, fixed, per_frame)
+
+
+def _completed(pattern: Pattern, fixed: tuple[int | None, ...], per_frame: int) -> tuple[int, ...] | None:
+    """Phases that cover and include the fixed ones, or None."""
+    cycle = math.lcm(*pattern)
+    covered = (0,) * (per_frame + 1)
+    for period, phase in zip(pattern, fixed, strict=True):
+        if phase is not None:
+            covered = _add(covered, _frames(period, phase, cycle))
+    if covered[per_frame]:
+        return None
+    free = sorted((i for i, phase in enumerate(fixed) if phase is None), key=lambda i: pattern[i])
+    chosen = _choose(
+        tuple(pattern[i] for i in free), per_frame, cycle, covered, (), turned=len(free) < len(pattern)
+    )
+    if chosen is None:
+        return None
+    by_number = dict(zip(free, chosen, strict=True))
+    return tuple(by_number[i] if phase is None else phase for i, phase in enumerate(fixed))
+
+
 def _choose(
-    pattern: Pattern, per_frame: int, cycle: int, covered: tuple[int, ...], chosen: tuple[int, ...]
+    pattern: Pattern,
+    per_frame: int,
+    cycle: int,
+    covered: tuple[int, ...],
+    chosen: tuple[int, ...],
+    *,
+    turned: bool = False,
 ) -> tuple[int, ...] | None:
+    """turned: the schedule cannot be turned any more, since some phases are fixed already."""
     if len(chosen) == len(pattern):
         return chosen if covered[0] == (1 << cycle) - 1 else None
     left = pattern[len(chosen) :]
@@ -75,11 +123,12 @@ def _choose(
     period = left[0]
     # equal periods are interchangeable: their phases ascend
     first = chosen[-1] if chosen and pattern[len(chosen) - 1] == period else 0
-    last = 1 if not chosen else period  # the schedule can be turned until the first phase is 0
+    # the schedule can be turned until the first phase is 0
+    last = period if chosen or turned else 1
     for phase in range(first, last):
         after = _add(covered, _frames(period, phase, cycle))
         if after[per_frame] == 0:
-            found = _choose(pattern, per_frame, cycle, after, (*chosen, phase))
+            found = _choose(pattern, per_frame, cycle, after, (*chosen, phase), turned=turned)
             if found is not None:
                 return found
     return None

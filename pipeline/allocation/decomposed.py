@@ -14,8 +14,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from pipeline.allocation.aggregation import Aggregation, Kept
+from pipeline.allocation.checked import checked
 from pipeline.allocation.configuration import Configuration
-from pipeline.allocation.covering import phases_of
+from pipeline.allocation.covering import phases_near
 from pipeline.allocation.distinctness import Distinctions, Unpacked, tell_apart
 from pipeline.allocation.integer_master import IntegerSolution
 from pipeline.allocation.master import Rows
@@ -35,7 +36,7 @@ def solve(
 
     The same problem gives the same plan, unless the time limit ends the search. workers: of no use here, all
     is done by one. gap_limit: a plan this near its bound is enough (``Plan.gap``). Raises NoPlanError where
-    detPerStream allows too many covering patterns.
+    detPerStream allows too many covering patterns, and InvalidPlanError if what was found breaks a limit.
     """
     start = time.perf_counter()
     deadline_s = time.monotonic() + time_limit_s
@@ -47,7 +48,7 @@ def solve(
             return without_plan(problem, found.status, time.perf_counter() - start, search)
         placed = place(search.aggregation, search.rows, found, deadline_s=deadline_s)
         if not isinstance(placed, Unpacked):
-            return finished(problem, found, placed, time.perf_counter() - start, search)
+            return checked(problem, finished(problem, found, placed, time.perf_counter() - start, search))
         before, known = known, tell_apart(search, placed, known)
         if known != before:
             search = known.search(problem, frozenset(), deadline_s=deadline_s, seed=seed)
@@ -95,6 +96,27 @@ def place(
             return Unpacked(g, tuple(of_group), tuple(filled))
         detectors += zip(of_group, machines, strict=True)
     return _assignments(aggregation, detectors, running)
+
+
+def still_there(problem: Problem, running: Sequence[Assignment]) -> tuple[Assignment, ...]:
+    """The substreams of a running plan whose detector is still the same: network, machine, site and setup.
+
+    What else may have changed (period, levels, links, ..) decides whether they can go on.
+    """
+    by_id = {d.id: d for d in problem.detectors}
+    streams = frozenset(problem.streams)
+    found: dict[tuple[str, str], Assignment] = {}
+    for a in running:
+        d = by_id.get(a.detector)
+        same = d is not None and (d.detector, d.machine, d.site, d.setup) == (
+            a.pool_detector,
+            a.machine,
+            a.site,
+            a.setup,
+        )
+        if same and a.stream in streams:
+            found.setdefault((a.stream, a.detector), a)
+    return tuple(found.values())
 
 
 def kept_of(running: Sequence[Assignment]) -> Kept:
@@ -165,12 +187,9 @@ def _assignments(
 def _phased(
     problem: Problem, of_stream: list[Assignment], before: dict[tuple[str, str], int]
 ) -> list[Assignment]:
-    """The assignments of one stream with phases that cover, as before where nothing changed."""
-    if all((a.stream, a.detector) in before for a in of_stream):
-        old = [replace(a, phase=before[a.stream, a.detector]) for a in of_stream]
-        if sorted(a.detector for a in old) == sorted(d for s, d in before if s == old[0].stream):
-            return old
+    """The assignments of one stream with phases that cover, as before where these still do."""
     ordered = sorted(of_stream, key=lambda a: (a.period, a.detector))
-    phases = phases_of(tuple(a.period for a in ordered), problem.detectors_per_frame)
+    wanted = tuple(before.get((a.stream, a.detector)) for a in ordered)
+    phases = phases_near(tuple(a.period for a in ordered), wanted, problem.detectors_per_frame)
     assert phases is not None
     return [replace(a, phase=phase) for a, phase in zip(ordered, phases, strict=True)]

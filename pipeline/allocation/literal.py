@@ -19,6 +19,7 @@ from dataclasses import dataclass
 
 from ortools.sat.python import cp_model
 
+from pipeline.allocation.checked import checked
 from pipeline.allocation.plan import Assignment, Plan, Status, objective
 from pipeline.allocation.problem import OBJECTIVE_RESOLUTION, MachineLimit, Problem, memory_units
 from pipeline.errors import NoPlanError
@@ -98,7 +99,7 @@ def _plan(
     value = objective(problem, assignments)
     slack = (solver.best_objective_bound - solver.objective_value) * OBJECTIVE_RESOLUTION
     bound, gap = value + slack, slack / max(1.0, abs(value))
-    return Plan(status, value, bound, gap, problem.cycle, assignments, solve_s, *size)
+    return checked(problem, Plan(status, value, bound, gap, problem.cycle, assignments, solve_s, *size))
 
 
 def _assignments(

@@ -14,11 +14,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from pipeline.allocation.aggregation import Aggregation
-from pipeline.allocation.decomposed import finished, kept_of, place, without_plan
+from pipeline.allocation.checked import checked
+from pipeline.allocation.decomposed import finished, kept_of, place, solve, still_there, without_plan
 from pipeline.allocation.distinctness import Distinctions, Unpacked, tell_apart
 from pipeline.allocation.plan import Assignment, Plan
 from pipeline.allocation.problem import OBJECTIVE_RESOLUTION, Problem
 from pipeline.allocation.proven_optimum import GAP_UNITS, Found, Search
+from pipeline.errors import InvalidPlanError
+from pipeline.logs import Log
+
+_LOG = Log("allocation")
+#: a fresh plan after an invalid one may take this long, even if the time limit has come
+_LEAST_TIME_S = 1.0
 
 
 @dataclass(frozen=True)
@@ -40,13 +47,31 @@ class Replanned:
 def replan(
     problem: Problem, running: Sequence[Assignment], *, loss: float, time_limit_s: float, seed: int = 0
 ) -> Replanned:
-    """The plan for a changed problem. running: the assignments of the plan that runs.
+    """The plan for a changed problem. running: the assignments of the plan that runs, of any problem.
 
-    loss: the share, 0..1, of the best plan's accuracy (w * acc_obj) that may be given up to move less.
+    loss: the share, 0..1, of the best plan's accuracy (w * acc_obj) that may be given up to move less. A plan
+    that breaks a limit is not handed out: a fresh one takes its place. Raises as ``decomposed.solve``.
     """
+    start = time.monotonic()
+    found = _replan(problem, running, loss, start + time_limit_s, seed)
+    try:
+        checked(problem, found.plan)
+    except InvalidPlanError as error:
+        _LOG.warning("plan made again is not valid, solving afresh", fault=str(error))
+        left_s = start + time_limit_s - time.monotonic()
+        fresh = solve(problem, time_limit_s=max(left_s, _LEAST_TIME_S), seed=seed)
+        kept = len(kept_of(fresh.assignments) & kept_of(still_there(problem, running)))
+        ended, begun = len(running) - kept, len(fresh.assignments) - kept
+        return Replanned(fresh, fresh.objective, kept, ended, begun, fewest=False)
+    return found
+
+
+def _replan(
+    problem: Problem, running: Sequence[Assignment], loss: float, deadline_s: float, seed: int
+) -> Replanned:
     start = time.perf_counter()
-    deadline_s = time.monotonic() + time_limit_s
-    known, kept = Distinctions(), kept_of(running)
+    before = still_there(problem, running)
+    known, kept = Distinctions(), kept_of(before)
     search = known.search(problem, kept, deadline_s=deadline_s, seed=seed)
     answer: Replanned | None = None
     while True:
@@ -54,22 +79,30 @@ def replan(
         if best.solution is None:
             plan = without_plan(problem, best.status, time.perf_counter() - start, search)
             return answer or Replanned(plan, None, 0, len(running), 0, fewest=False)
-        before, proven = known, False
+        told, proven = known, False
         placed = place(search.aggregation, search.rows, best, deadline_s=deadline_s)
         if not isinstance(placed, Unpacked):
             chosen, proven = _fewest(search, best, loss)
-            placed = place(search.aggregation, search.rows, chosen, running, deadline_s=deadline_s)
+            placed = place(search.aggregation, search.rows, chosen, before, deadline_s=deadline_s)
         if isinstance(placed, Unpacked):
             known = tell_apart(search, placed, known)
         else:
-            displaced = _displaced(search.aggregation, placed, running)
+            displaced = _displaced(search.aggregation, placed, before)
             plan = finished(problem, best, placed, time.perf_counter() - start, search)
-            found = _replanned(plan, best, placed, running, proven and not displaced)
+            on = len(kept_of(placed) & kept)
+            found = Replanned(
+                plan,
+                best.solution.value * OBJECTIVE_RESOLUTION,
+                on,
+                len(running) - on,
+                len(placed) - on,
+                proven and not displaced,
+            )
             answer = found if answer is None or found.kept >= answer.kept else answer
             if not displaced or time.monotonic() > deadline_s:
                 return answer
             known = Distinctions(known.machines | displaced, known.streams)
-        if known != before:
+        if known != told:
             search = known.search(problem, kept, deadline_s=deadline_s, seed=seed)
 
 
@@ -108,19 +141,4 @@ def _displaced(
         if (a.stream, a.detector, a.bitrate_bps, a.codec) not in now and a.machine in group_of
         if (a.stream, a.pool_detector, a.bitrate_bps, a.codec, group_of[a.machine]) in like
         for machine in group_of[a.machine]
-    )
-
-
-def _replanned(
-    plan: Plan, best: Found, placed: Sequence[Assignment], running: Sequence[Assignment], fewest: bool
-) -> Replanned:
-    assert best.solution is not None
-    kept = len(kept_of(placed) & kept_of(running))
-    return Replanned(
-        plan,
-        best.solution.value * OBJECTIVE_RESOLUTION,
-        kept,
-        len(running) - kept,
-        len(placed) - kept,
-        fewest,
     )

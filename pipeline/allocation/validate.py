@@ -32,14 +32,15 @@ def validate(problem: Problem, plan: Plan) -> list[str]:
 
 
 def _unknown_names(problem: Problem, plan: Plan) -> Iterator[str]:
-    known = {detector.id for detector in problem.detectors}
+    known, streams = {detector.id for detector in problem.detectors}, set(problem.streams)
     for a in plan.assignments:
-        if a.stream not in problem.streams:
+        if a.stream not in streams:
             yield f"stream {a.stream}: not in the problem"
         if a.detector not in known:
             yield f"detector {a.detector}: not in the problem"
         if _number_of_level(problem, a) is None:
-            yield f"{a.stream} on {a.detector}: bitrate {a.bitrate_bps:g} bps is no level of the problem"
+            at = f"{a.bitrate_bps:g} bps" + (f" {a.codec}" if a.codec else "")
+            yield f"{a.stream} on {a.detector}: bitrate {at} is no level of the problem"
 
 
 def _detectors(problem: Problem, plan: Plan) -> Iterator[str]:
@@ -50,6 +51,8 @@ def _detectors(problem: Problem, plan: Plan) -> Iterator[str]:
         said = (a.pool_detector, a.machine, a.site, a.period)
         if said != (d.detector, d.machine, d.site, d.period):
             yield f"{a.stream} on {a.detector}: {said} is not what the problem says of the detector"
+        if a.setup != d.setup:
+            yield f"{a.stream} on {a.detector}: {a.setup} is not the setup that the problem says"
         if not 0 <= a.phase < a.period:
             yield f"{a.stream} on {a.detector}: phase {a.phase} outside 0 .. {a.period - 1}"
     for (stream, detector), uses in Counter((a.stream, a.detector) for a in plan.assignments).items():
@@ -58,13 +61,19 @@ def _detectors(problem: Problem, plan: Plan) -> Iterator[str]:
 
 
 def _frames(problem: Problem, plan: Plan) -> Iterator[str]:
-    """Every frame of two cycles gets 1 .. detPerFrame detectors, and no detector starts while it works."""
+    """Every frame of two cycles gets 1 .. detPerFrame detectors, and no detector starts while it works.
+
+    The cycle of a stream is that of its own periods: afterwards all repeats.
+    """
     if plan.cycle != problem.cycle:
         yield f"cycle of {plan.cycle} frames, the periods give {problem.cycle}"
+    of_stream: dict[str, list[Assignment]] = defaultdict(list)
+    for a in plan.assignments:
+        of_stream[a.stream].append(a)
     for stream in problem.streams:
-        assigned = [a for a in plan.assignments if a.stream == stream]
+        assigned = of_stream[stream]
         busy_until = dict.fromkeys((a.detector for a in assigned), 0)
-        for frame in range(2 * problem.cycle):
+        for frame in range(2 * math.lcm(*(a.period for a in assigned))):
             looks = 0
             for a in assigned:
                 if frame >= a.phase and (frame - a.phase) % a.period == 0:
@@ -83,11 +92,11 @@ def _streams(problem: Problem, plan: Plan) -> Iterator[str]:
 
 
 def _links(problem: Problem, plan: Plan) -> Iterator[str]:
-    """What a link carries: the frames of one cycle, each of which has bitrate / cycle of the bits."""
+    """What a link carries: the frames of one period, each of which has bitrate / period of the bits."""
     sent: dict[tuple[str, str], float] = defaultdict(float)
     for a in plan.assignments:
-        frames = sum(1 for frame in range(problem.cycle) if frame % a.period == a.phase)
-        sent[a.stream, a.site] += a.bitrate_bps * frames / problem.cycle
+        frames = sum(1 for frame in range(a.period) if frame % a.period == a.phase)
+        sent[a.stream, a.site] += a.bitrate_bps * frames / a.period
     for (stream, site), bps in sent.items():
         bandwidth_bps = problem.link_bps.get((stream, site), 0.0)
         if bps > bandwidth_bps + (_BPS_TOLERANCE if bandwidth_bps else 0.0):
@@ -96,8 +105,11 @@ def _links(problem: Problem, plan: Plan) -> Iterator[str]:
 
 def _machines(problem: Problem, plan: Plan) -> Iterator[str]:
     by_id: dict[str, Detector] = {detector.id: detector for detector in problem.detectors}
+    on_machine: dict[str, list[Detector]] = defaultdict(list)
+    for a in plan.assignments:
+        on_machine[by_id[a.detector].machine].append(by_id[a.detector])
     for machine in problem.machines:
-        here = [by_id[a.detector] for a in plan.assignments if by_id[a.detector].machine == machine.id]
+        here = on_machine[machine.id]
         if math.isinf(machine.memory_bytes):
             continue
         if problem.memory_rule == "one_detector_per_machine":
@@ -148,13 +160,14 @@ def _objective(problem: Problem, plan: Plan) -> Iterator[str]:
 
 def _worth(problem: Problem, assignments: tuple[Assignment, ...]) -> float:
     accuracy, top_bps = 0.0, max(problem.bitrates_bps)
+    by_id = {detector.id: detector for detector in problem.detectors}
     for a in assignments:
-        (detector,) = [d for d in problem.detectors if d.id == a.detector]
+        detector = by_id[a.detector]
         level = _number_of_level(problem, a)
         assert level is not None
         of_stream = problem.stream_accuracy.get((a.stream, detector.detector), detector.accuracy)
         accuracy += a.bitrate_bps / top_bps / detector.period * of_stream[level]
-    sites = sum(len({a.site for a in assignments if a.stream == stream}) for stream in problem.streams)
+    sites = len({(a.stream, a.site) for a in assignments})
     return problem.accuracy_weight * accuracy - (1.0 - problem.accuracy_weight) * sites
 
 
