@@ -108,6 +108,13 @@ def _chosen(session: Session, path: Path, facts: Facts, asked: str | None) -> Re
         )
     fitting = _by_class_count(fitting, facts)
     proposal, verdict = _surest(path, fitting, facts)
+    if verdict.doubt is not None:
+        raise LayoutQuestionError(
+            path,
+            f"a model that fits {proposal.name}, but {verdict.doubt} ({facts.signature})",
+            f"layout: {proposal.name} in the pool if that is right; rotated boxes are not read",
+            section_of(facts, proposal),
+        )
     return _named(path, proposal, facts, verdict)
 
 

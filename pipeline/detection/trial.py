@@ -6,7 +6,7 @@ domain).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -36,6 +36,8 @@ _MOST = 0.25
 #: cells from a candidate's own cell to its middle, the median
 _FAR_CELLS = 3.0
 _TOLERANCE = 1e-3
+#: a class is this certain somewhere, or less than this at half of all places
+_CERTAIN, _IMPOSSIBLE = 0.5, 0.05
 #: share of the candidates whose boxes may be infinite: sizes are exponentials, and those of nothing may run over
 _MOST_NOWHERE = 0.5
 
@@ -45,7 +47,8 @@ class Verdict:
     """refused: why the layout cannot be right; None: it can. silent: the outputs are the same everywhere.
 
     person: the best score of a box that fits the person, 0 if there is none. label: that box's class, as the
-    network counts. boxes: of any class, from the score that counts.
+    network counts. boxes: of any class, from the score that counts. doubt: what makes another head likely,
+    one that gives more than boxes and classes; None: nothing does.
     """
 
     refused: str | None = None
@@ -53,6 +56,7 @@ class Verdict:
     person: float = 0.0
     label: int | None = None
     boxes: int = 0
+    doubt: str | None = None
 
 
 @lru_cache(maxsize=1)
@@ -79,7 +83,8 @@ def try_out(session: Session, proposal: Proposal, facts: Facts) -> Verdict:
     wrong = _impossible(found, outputs, size, proposal)
     if wrong is not None:
         return Verdict(refused=wrong)
-    return _seen(found, placement.image_from_input(found.boxes), outputs, size, proposal.layout)
+    seen = _seen(found, placement.image_from_input(found.boxes), outputs, size, proposal.layout)
+    return replace(seen, doubt=_doubt(outputs, proposal.layout))
 
 
 def _is_level(values: NDArray[Any]) -> bool:
@@ -188,6 +193,24 @@ def _shares(_: Candidates, outputs: Outputs, __: tuple[int, int], proposal: Prop
         return None
     first = int(odd[0])
     return f"scores would be {low[first]:.3g} to {high[first]:.3g}, not 0 to 1 (value {first + 5} of a row)"
+
+
+def _doubt(outputs: Outputs, layout: Layout) -> str | None:
+    """Whether the last value of a row, read as the certainty of a class, could as well be a small angle.
+
+    Shapes say nothing: with an objectness, one value more or less is a class. A class is somewhere certain, or
+    nearly everywhere impossible.
+    """
+    output = layout.output
+    if not isinstance(output, Rows) or not output.objectness or output.activation != "none":
+        return None
+    values = outputs[output.tensor]
+    last = np.asarray(values[:, -1] if output.order == "rows" else values[-1], np.float64)
+    if not last.size or last.max() >= _CERTAIN or np.median(last) <= _IMPOSSIBLE:
+        return None
+    return (
+        f"the last value of its rows is {last.min():.2g} to {last.max():.2g} everywhere, as an angle may be"
+    )
 
 
 def _upright(found: Candidates, *_: object) -> str | None:

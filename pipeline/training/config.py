@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from pipeline.config.base import Strict, load, mismatch
 from pipeline.training.augmentation import AugmentationParams
-from pipeline.training.network import NetworkParams
+from pipeline.training.network_params import NetworkParams
 
 _NAME = r"^[A-Za-z0-9_.-]+$"
 
@@ -45,9 +45,11 @@ class LabelledPictures(Strict):
 
     labels: relative to the training file. folder: that file names are relative to; by default the labels'.
     categories: names of what is a person. split_by: neighbouring pictures are almost the same, so that whole
-    flights (or places) are learned from (train), calibrated on (calibration: threshold and calibration), or
-    only measured on (test). by: keys of the images that the card splits the accuracy by, with edges for
-    numbers. sizes: edges of the classes by the square root of a person's area, pixels.
+    flights (or places) are learned from (train) or only measured on (test). Threshold and calibration come from
+    calibration, which is not learned from, or, where no group can be spared, from folds: parts of train; for
+    each of them a further network learns from the rest, by the same recipe, and looks at what it has not seen.
+    by: keys of the images that the card splits the accuracy by, with edges for numbers. sizes: edges of the
+    classes by the square root of a person's area, pixels.
     """
 
     labels: Path
@@ -55,7 +57,8 @@ class LabelledPictures(Strict):
     categories: tuple[str, ...] = Field(default=("person",), min_length=1)
     split_by: str
     train: tuple[int | str, ...] = Field(min_length=1)
-    calibration: tuple[int | str, ...] = Field(min_length=1)
+    calibration: tuple[int | str, ...] = ()
+    folds: tuple[tuple[int | str, ...], ...] = ()
     test: tuple[int | str, ...] = Field(min_length=1)
     by: dict[str, tuple[float, ...]] = Field(default_factory=dict)
     sizes: tuple[float, ...] = ()
@@ -78,6 +81,20 @@ class LabelledPictures(Strict):
                         (part,),
                     )
                 seen[group] = part
+        return self
+
+    @model_validator(mode="after")
+    def _scores_come_from_somewhere(self) -> Self:
+        if bool(self.calibration) == bool(self.folds):
+            found = "both" if self.folds else "neither calibration nor folds"
+            raise mismatch(found, "calibration (not learned from) or folds (of train)", ("calibration",))
+        left_out = [group for fold in self.folds for group in fold]
+        for i, fold in enumerate(self.folds):
+            if not fold or set(fold) >= set(self.train):
+                raise mismatch(f"{list(fold)}", f"some of train, {list(self.train)}, not all", ("folds", i))
+        for group in left_out:
+            if group not in self.train or left_out.count(group) > 1:
+                raise mismatch(f"{self.split_by} {group}", "groups of train, each in one fold", ("folds",))
         return self
 
 

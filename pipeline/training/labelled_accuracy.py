@@ -1,29 +1,30 @@
-"""What a detector is worth on labelled pictures: precision, threshold, calibration, in all and by what is known."""
+"""What a detector finds on labelled pictures and what that is worth, in all and by what is known of them."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.config.pool import Calibration
 from pipeline.detection import Detector
 from pipeline.evaluation.metrics.average_precision import coco_precision
 from pipeline.evaluation.metrics.bootstrap import replicate
 from pipeline.evaluation.metrics.boxes import BoolArray, FoundBoxes, TrueBoxes, found_boxes, true_boxes
 from pipeline.evaluation.metrics.cell import only
-from pipeline.evaluation.metrics.lrp import lrp_curve, optimal_lrp
 from pipeline.evaluation.metrics.matching import IOU_THRESHOLDS, Matches, match
 from pipeline.messages import FloatArray
-from pipeline.sensor.calibration import calibrated, calibration_error, fit_calibration
 from pipeline.training.config import LabelledPictures
 from pipeline.training.pictures import Image, PictureSet
 
-_PERSON = 1
-_HALF = np.array([0.5])
+#: the one category of labelled pictures
+PERSON = 1
+#: the overlap from which on a box is right
+HALF = np.array([0.5])
+_Boxes = TypeVar("_Boxes", TrueBoxes, FoundBoxes)
 #: low enough that the average precision is not cut short
 LOWEST_SCORE = 0.05
 
@@ -35,14 +36,6 @@ class Looked:
     truth: TrueBoxes
     found: FoundBoxes
     attributes: tuple[dict[str, Any], ...]
-
-
-@dataclass(frozen=True, slots=True)
-class ScoreUse:
-    """threshold: where LRP is least. calibration: of the scores from there on; None if it cannot be fitted."""
-
-    threshold: float
-    calibration: Calibration | None
 
 
 def look(detector: Detector, pictures: PictureSet, images: Image) -> Looked:
@@ -60,37 +53,28 @@ def look(detector: Detector, pictures: PictureSet, images: Image) -> Looked:
     own, found_all, true_all = np.concatenate(image_of), np.concatenate(boxes), np.concatenate(true)
     return Looked(
         true_boxes(
-            np.concatenate(true_of), np.full(len(true_all), _PERSON), _xywh(true_all), None,
+            np.concatenate(true_of), np.full(len(true_all), PERSON), _xywh(true_all), None,
             np.concatenate(crowd),
         ),
-        found_boxes(own, np.full(len(own), _PERSON), _xywh(found_all), np.concatenate(scores)),
+        found_boxes(own, np.full(len(own), PERSON), _xywh(found_all), np.concatenate(scores)),
         tuple(pictures.attributes[row] for row in pictures.numbers),
     )  # fmt: skip
 
 
-def score_use(looked: Looked) -> ScoreUse:
-    """Threshold and calibration from pictures that were not learned from."""
-    matches = match(looked.truth, looked.found, "all", _HALF)
-    least = optimal_lrp(lrp_curve(matches, _PERSON)).threshold
-    threshold = round(min(max(float(least), LOWEST_SCORE), 1.0), 2) if np.isfinite(least) else 1.0
-    score, right = _counted(matches, threshold)
-    return ScoreUse(threshold, fit_calibration(score, right))
-
-
-def calibration_errors(looked: Looked, use: ScoreUse) -> tuple[float, float | None]:
-    """Expected calibration error of the reported scores, as the network says and calibrated."""
-    score, right = _counted(match(looked.truth, looked.found, "all", _HALF), use.threshold)
-    before = calibration_error(score, right)
-    if use.calibration is None:
-        return before, None
-    return before, calibration_error(calibrated(score, use.calibration), right)
+def together(parts: Sequence[Looked]) -> Looked:
+    """All pictures of some looks as one."""
+    starts = np.cumsum([0, *(len(p.attributes) for p in parts)])[:-1]
+    truth = [replace(p.truth, image=p.truth.image + n) for p, n in zip(parts, starts, strict=True)]
+    found = [replace(p.found, image=p.found.image + n) for p, n in zip(parts, starts, strict=True)]
+    attributes = tuple(own for p in parts for own in p.attributes)
+    return Looked(_joined(truth), _joined(found), attributes)
 
 
 def accuracy(looked: Looked, threshold: float) -> dict[str, Any]:
     """AP .5, AP .5:.95; at the threshold recall, precision, and wrong boxes for each picture."""
     images = len(looked.attributes)
-    precision = coco_precision(looked.truth, looked.found, images, [_PERSON]).by_size["all"]
-    _, right = _counted(match(looked.truth, looked.found, "all", _HALF), threshold)
+    precision = coco_precision(looked.truth, looked.found, images, [PERSON]).by_size["all"]
+    _, right = counted(match(looked.truth, looked.found, "all", HALF), threshold)
     people, hits = int((~looked.truth.crowd).sum()), int(right.sum())
     return {
         "pictures": images,
@@ -130,10 +114,15 @@ def by_size(looked: Looked, edges: tuple[float, ...]) -> dict[str, Any]:
     return out
 
 
-def _counted(matches: Matches, threshold: float) -> tuple[FloatArray, BoolArray]:
+def counted(matches: Matches, threshold: float) -> tuple[FloatArray, BoolArray]:
     """Scores of the found boxes that count, and which are right."""
     counted = ~matches.ignored[0] & (matches.score >= threshold)
     return matches.score[counted], matches.right[0, counted]
+
+
+def _joined(parts: Sequence[_Boxes]) -> _Boxes:
+    columns = {f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(parts[0])}
+    return replace(parts[0], **columns)
 
 
 def _classes(values: list[Any], edges: tuple[float, ...]) -> list[tuple[str, BoolArray]]:

@@ -7,14 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pipeline.detection import load_detector
 from pipeline.errors import InputError
-from pipeline.training.config import LabelledPictures, Training, load_training
-from pipeline.training.export import export_onnx
+from pipeline.training.config import Training, load_training
 from pipeline.training.labelled import part, prepare_labelled
 from pipeline.training.labelled_accuracy import LOWEST_SCORE, accuracy, look
-from pipeline.training.optimiser import Optimiser, Progress
-from pipeline.training.pictures import PictureSet
+from pipeline.training.optimiser import Progress
+from pipeline.training.without import trained, without
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,48 +47,18 @@ def leave_one_out(
     )
     folds = []
     for group in sorted(given.groups, key=str):
-        fold = _without(training, given, group, steps)
-        folds.append(Fold(group, _measured(fold, given, pictures, group, out, progress)))
+        fold = without(_shorter(training, steps), given, given.groups, (group,))
+        detector = trained(fold, pictures, out, progress)
+        left_out = part(pictures, given, (group,))
+        folds.append(Fold(group, accuracy(look(detector, left_out, left_out.clean), LOWEST_SCORE)))
         finished(folds[-1])
     return folds
 
 
-def _without(training: Training, given: LabelledPictures, group: int | str, steps: int | None) -> Training:
-    others = tuple(g for g in given.groups if g != group)
-    own = given.model_copy(update={"train": others, "calibration": (), "test": (group,)})
+def _shorter(training: Training, steps: int | None) -> Training:
+    if steps is None:
+        return training
     full = training.optimisation
     # a shorter schedule still has to learn for most of its length
-    changed = {} if steps is None else {"steps": steps, "warmup_steps": min(full.warmup_steps, steps // 10)}
-    return training.model_copy(
-        update={
-            "name": f"{training.name}-without-{group}",
-            "labelled": own,
-            "optimisation": full.model_copy(update=changed),
-        }
-    )
-
-
-def _measured(
-    fold: Training,
-    given: LabelledPictures,
-    pictures: PictureSet,
-    group: int | str,
-    out: Path,
-    progress: Progress,
-) -> dict[str, Any]:
-    assert fold.labelled is not None
-    optimiser, checkpoint, model = Optimiser(fold), out / f"{fold.name}.pt", out / f"{fold.name}.onnx"
-    if checkpoint.is_file():
-        optimiser.resume(checkpoint)
-    optimiser.run(part(pictures, given, fold.labelled.train), checkpoint, progress, lambda: None)
-    export_onnx(
-        optimiser.mean,
-        model,
-        width=fold.input.width,
-        height=fold.input.height,
-        name=fold.name,
-        trained_on=fold.trained_on,
-    )
-    left_out = part(pictures, given, (group,))
-    looked = look(load_detector(model, score_threshold=LOWEST_SCORE), left_out, left_out.clean)
-    return accuracy(looked, LOWEST_SCORE)
+    changed = {"steps": steps, "warmup_steps": min(full.warmup_steps, steps // 10)}
+    return training.model_copy(update={"optimisation": full.model_copy(update=changed)})

@@ -2,31 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 import torch
-from pydantic import Field
 from torch import Tensor, nn
 from torch.nn import functional
 
-from pipeline.config.base import Strict
+from pipeline.training.network_params import NetworkParams
 
 #: exp of this many strides is far beyond any picture; it keeps the first steps of a training finite
 _LARGEST_LOG_DISTANCE = 5.0
 _RARE_PERSON = 0.01
 _USUAL_DISTANCE_STRIDES = 2.0
-
-
-class NetworkParams(Strict):
-    """channels: at strides 2, 4, 8 and 16. blocks: residual blocks at strides 8 and 16. head: channels.
-
-    stride: of the output grid; 4 for people of less than about 16 pixels of the input, who share cells at 8.
-    """
-
-    channels: tuple[int, int, int, int]
-    blocks: tuple[int, int]
-    head: int = Field(ge=4)
-    stride: Literal[4, 8] = 8
 
 
 class PersonNetwork(nn.Module):

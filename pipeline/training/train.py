@@ -5,14 +5,17 @@ from __future__ import annotations
 import datetime
 from pathlib import Path
 
+from pipeline.detection import load_detector
 from pipeline.simulation.dataset import MISSION_VIEWS, SIZE_VIEWS, TRAINING_VIEWS
 from pipeline.training.card import write_card
-from pipeline.training.config import Data, Scenes, Training, load_training
+from pipeline.training.config import Data, LabelledPictures, Scenes, Training, load_training
 from pipeline.training.export import export_onnx
 from pipeline.training.labelled import part, prepare_labelled
+from pipeline.training.labelled_accuracy import LOWEST_SCORE, Looked, look, together
 from pipeline.training.labelled_card import write_labelled_card
 from pipeline.training.optimiser import Optimiser, Progress
 from pipeline.training.pictures import PictureSet, is_complete, open_pictures, render_pictures, shots
+from pipeline.training.without import trained, without
 
 
 def train(
@@ -39,7 +42,8 @@ def train(
     if training.labelled is None:
         write_card(training, model, pictures["mission"], pictures["sizes"], today)
     else:
-        write_labelled_card(training, model, pictures["calibration"], pictures["test"], today)
+        unseen = _unseen(training, training.labelled, model, pictures, out, progress)
+        write_labelled_card(training, model, unseen, pictures["test"], today)
     return model
 
 
@@ -73,6 +77,26 @@ def _rendered(data: Data, folder: Path, workers: int, progress: Progress) -> dic
                 folder / name, plan, workers, lambda done, total: progress("rendering", done, total, "")
             )
     return {name: open_pictures(folder / name, plan) for name, plan in plans.items()}
+
+
+def _unseen(
+    training: Training,
+    data: LabelledPictures,
+    model: Path,
+    pictures: dict[str, PictureSet],
+    out: Path,
+    progress: Progress,
+) -> Looked:
+    """What the model found in pictures that it had not learned from, or, of folds, networks of its recipe."""
+    if data.calibration:
+        own = pictures["calibration"]
+        return look(load_detector(model, score_threshold=LOWEST_SCORE), own, own.clean)
+    looks = []
+    for groups in data.folds:
+        detector = trained(without(training, data, data.train, groups), pictures["train"], out, progress)
+        left_out = part(pictures["train"], data, groups)
+        looks.append(look(detector, left_out, left_out.clean))
+    return together(looks)
 
 
 def _of(scenes: Scenes) -> tuple[int, int, int]:

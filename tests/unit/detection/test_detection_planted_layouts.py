@@ -110,14 +110,29 @@ def test_a_layout_described_in_yaml_gives_the_boxes_of_the_built_in(name, tmp_pa
     sees_the_person(again, net, stride_of(name))
 
 
-@pytest.mark.parametrize("name", [name for name in CASES if not CASES[name][2]])
+#: their graphs resize: they take a picture as it comes
+RESIZING = ("tf_ssd", "torchvision")
+
+
+@pytest.mark.parametrize("name", [name for name in CASES if not CASES[name][2] and name not in RESIZING])
 def test_a_free_batch_axis_and_free_sizes_are_no_hindrance(name, tmp_path):
-    if name in ("tf_ssd", "torchvision"):
-        pytest.skip("these resize in the graph; their sizes are free anyway")
     path, net = made(name, tmp_path, free=True)
     net.metadata["imgsz"] = [planted.HEIGHT, planted.WIDTH]
     net.save(path)
     sees_the_person(opened(path), net, stride_of(name))
+
+
+@pytest.mark.parametrize("name", RESIZING)
+def test_free_sizes_of_a_network_that_resizes_take_the_picture_as_it_comes(name, tmp_path):
+    path, net = made(name, tmp_path, free=True)
+    net.save(path)
+    detector = opened(path)
+    assert detector.layout.input.size == "picture"
+    twice, box = spot(net)
+    boxes, scores, _ = detector.detect(np.ascontiguousarray(twice[::2, ::2]))  # the size of the planted cells
+    assert len(boxes) == 1
+    assert scores[0] > 0.5
+    np.testing.assert_allclose(boxes[0], np.array(box) / 2, atol=1.0)
 
 
 @pytest.mark.parametrize("name", ["yolov8", "yolox", "nanodet", "rtdetr_with_sizes"])

@@ -84,6 +84,8 @@ RNG = np.random.default_rng(1)
 HEADS = {
     "rotated boxes": RNG.uniform(-np.pi / 4, 3 * np.pi / 4, (1, CELLS)),
     "rotated boxes, all a little": RNG.uniform(0.1, 0.25, (1, CELLS)),
+    "rotated boxes, half of them upright": RNG.uniform(0.0, 0.3, (1, CELLS)),
+    "rotated boxes, all by nearly the same": np.clip(RNG.normal(0.3, 0.02, (1, CELLS)), 0, 0.45),
     "masks": RNG.normal(0, 0.6, (32, CELLS)),
     "masks of small weights": RNG.uniform(0.0, 0.2, (32, CELLS)),
     "poses": np.concatenate([RNG.uniform(0, (WIDTH, HEIGHT, 1), (CELLS, 3)).T for _ in range(17)]),
@@ -98,8 +100,6 @@ def test_a_head_that_gives_more_than_boxes_is_not_read_as_one_that_does_not(
     kind, turned, how, classes, tmp_path
 ):
     """Without the exporter's ``task``; with it, it is refused by name."""
-    if turned and kind == "rotated boxes, all a little":
-        pytest.skip("nothing tells an angle that is always 0.1 to 0.25 from YOLOX's certainty")
     names = ("person", *(f"thing {k}" for k in range(1, classes)))
     path = head(
         tmp_path, HEADS[kind], classes, turned=turned, names=names if how == "names in the metadata" else None
@@ -107,6 +107,20 @@ def test_a_head_that_gives_more_than_boxes_is_not_read_as_one_that_does_not(
     with pytest.raises(InputError) as refusal:
         load_detector(path, score_threshold=0.3, names=names if how == "names in the pool" else None)
     assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize("classes", [1, 15, 80])
+def test_a_small_angle_that_looks_like_a_class_is_asked_about_and_used_if_that_is_the_answer(
+    classes, tmp_path
+):
+    names = ("person", *(f"thing {k}" for k in range(1, classes)))
+    path = head(tmp_path, HEADS["rotated boxes, all a little"], classes, turned=True)
+    with pytest.raises(LayoutQuestionError, match=r"0\.1 to 0\.25 everywhere, as an angle") as question:
+        load_detector(path, score_threshold=0.3, names=names)
+    assert "layout: yolox_decoded" in str(question.value)
+    assert "objectness: true" in question.value.details
+    answered = load_detector(path, score_threshold=0.3, names=names, layout="yolox_decoded")
+    assert answered.recognised.name == "yolox_decoded"
 
 
 def test_masks_beside_the_boxes_are_named(tmp_path):

@@ -3,8 +3,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-pytest.importorskip("hotcoco", reason="the extra [train] is not installed")
-
 from pipeline.training.accuracy import Seen, accuracy, people_by_size
 
 BOXES = np.array([[10.0, 10.0, 40.0, 90.0], [100.0, 50.0, 160.0, 90.0]])

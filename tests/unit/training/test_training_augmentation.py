@@ -5,8 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-pytest.importorskip("torch", reason="the extra [train] is not installed")
-
 from pipeline.training.augmentation import AugmentationParams, random_crop
 from pipeline.training.config import load_training
 from pipeline.training.degradation import degrade

@@ -12,14 +12,11 @@ import pytest
 import yaml
 from matplotlib.image import imsave
 
-torch = pytest.importorskip("torch", reason="the extra [train] is not installed")
+from pipeline.errors import InputError
+from pipeline.training.config import load_training
+from pipeline.training.labelled import part, prepare_labelled
 
-from pipeline.errors import InputError  # noqa: E402
-from pipeline.training.config import load_training  # noqa: E402
-from pipeline.training.labelled import part, prepare_labelled  # noqa: E402
-from pipeline.training.leave_one_out import leave_one_out  # noqa: E402
-from pipeline.training.train import train  # noqa: E402
-
+NEEDS_TORCH = "the extra [train] is not installed"
 FLIGHTS = (0, 1, 2)
 SIZE = (160, 128)
 
@@ -136,6 +133,13 @@ def test_what_was_written_is_used_again_but_not_for_other_flights(recipe, folder
         ({"labelled.categories": ["sheep"]}, r"categories.*person.*sheep"),
         ({"labelled.test": [0]}, r"labelled\.test.*flight 0, which is in train too"),
         ({"labelled": None}, r"neither data nor labelled"),
+        ({"labelled.calibration": []}, r"labelled\.calibration.*neither calibration nor folds"),
+        ({"labelled.folds": [[0]]}, r"labelled\.calibration.*both"),
+        ({"labelled.calibration": [], "labelled.folds": [[0]]}, r"labelled\.folds\.0.*\[0\].*not all"),
+        ({"labelled.calibration": [], "labelled.train": [0, 1], "labelled.folds": [[2]]},
+         r"labelled\.folds.*flight 2.*groups of train"),
+        ({"labelled.calibration": [], "labelled.train": [0, 1], "labelled.folds": [[1], [1]]},
+         r"labelled\.folds.*flight 1.*each in one fold"),
         ({"data": {p: {"seed": 1, "scenes": 1, "pictures": 1} for p in ("train", "mission", "sizes")}},
          r"data and labelled"),
         ({"purpose": None}, r"purpose.*no purpose"),
@@ -154,6 +158,9 @@ def test_a_picture_of_another_size_than_labelled_is_refused(recipe, folder):
 
 
 def test_a_training_on_labelled_pictures_ends_in_a_detector_and_an_honest_card(recipe, folder):
+    pytest.importorskip("torch", reason=NEEDS_TORCH)
+    from pipeline.training.train import train
+
     model = train(recipe, folder / "out", progress=silent)
     card = yaml.safe_load(model.with_suffix(".card.yaml").read_text())
     assert card["pictures"] == "real"
@@ -172,18 +179,42 @@ def test_a_training_on_labelled_pictures_ends_in_a_detector_and_an_honest_card(r
     assert train(recipe, folder / "out", progress=silent).read_bytes() == before
 
 
-def test_leaving_one_flight_out_never_learns_from_it(recipe, folder, monkeypatch):
-    learned = {}
+def watch_what_is_learned(monkeypatch) -> dict[tuple[int, ...], int]:
+    """Flights that a training learns from: how many crops."""
+    learned: dict[tuple[int, ...], int] = {}
     from pipeline.training import optimiser
 
     real = optimiser.random_crop
 
     def watched(pictures, *args):
-        flights = {pictures.attributes[i]["flight"] for i in pictures.numbers}
-        learned.setdefault(tuple(sorted(flights)), 0)
+        flights = tuple(sorted({pictures.attributes[i]["flight"] for i in pictures.numbers}))
+        learned[flights] = learned.get(flights, 0) + 1
         return real(pictures, *args)
 
     monkeypatch.setattr(optimiser, "random_crop", watched)
+    return learned
+
+
+def test_where_no_flight_can_be_spared_scores_come_from_networks_that_had_not_seen_them(folder, monkeypatch):
+    pytest.importorskip("torch", reason=NEEDS_TORCH)
+    from pipeline.training.train import train
+
+    learned = watch_what_is_learned(monkeypatch)
+    changes = {"train": [0, 1], "calibration": [], "folds": [[0], [1]]}
+    recipe = written(folder, {f"labelled.{key}": value for key, value in changes.items()})
+    model = train(recipe, folder / "out", progress=silent)
+    assert set(learned) == {(0, 1), (1,), (0,)}
+    scores = yaml.safe_load(model.with_suffix(".card.yaml").read_text())["scores"]
+    assert "8 pictures of flight 0 and of 1, seen by networks of this recipe" in scores["from"]
+    assert scores["unseen"]["people"] == 8
+    assert scores["rule"] in scores["cross_validated_error_of_each_rule"]
+
+
+def test_leaving_one_flight_out_never_learns_from_it(recipe, folder, monkeypatch):
+    pytest.importorskip("torch", reason=NEEDS_TORCH)
+    from pipeline.training.leave_one_out import leave_one_out
+
+    learned = watch_what_is_learned(monkeypatch)
     shown = []
     folds = leave_one_out(recipe, folder / "out", steps=3, progress=silent, finished=shown.append)
     assert [f.left_out for f in folds] == [0, 1, 2]

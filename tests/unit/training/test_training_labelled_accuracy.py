@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-pytest.importorskip("torch", reason="the extra [train] is not installed")
-
 from pipeline.evaluation.metrics.boxes import found_boxes, true_boxes
 from pipeline.training.config import LabelledPictures
 from pipeline.training.labelled_accuracy import (
@@ -14,9 +12,8 @@ from pipeline.training.labelled_accuracy import (
     accuracy,
     by_attribute,
     by_size,
-    calibration_errors,
-    score_use,
 )
+from pipeline.training.score_use import calibration_errors, score_use
 
 SMALL, LARGE, CROWD = [10, 10, 6, 12], [60, 10, 20, 40], [100, 0, 50, 50]
 
@@ -72,9 +69,11 @@ def test_calibration_makes_probabilities_of_scores_that_say_too_little():
     boxes, scores = zip(*found, strict=True)
     numbers = np.arange(400)
     seen = Looked(
-        true_boxes(numbers, [1] * 400, truth), found_boxes(numbers, [1] * 400, boxes, scores), ({},) * 400
+        true_boxes(numbers, [1] * 400, truth),
+        found_boxes(numbers, [1] * 400, boxes, scores),
+        ({"flight": 1},) * 400,
     )
-    use = score_use(seen)
+    use = score_use(seen, "flight")
     before, after = calibration_errors(seen, use)
     assert use.threshold <= 0.31
     assert before > 0.35

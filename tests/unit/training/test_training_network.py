@@ -11,10 +11,10 @@ from pipeline.detection.session import Session  # noqa: E402
 from pipeline.training.export import export_onnx  # noqa: E402
 from pipeline.training.network import (  # noqa: E402
     DecodedNetwork,
-    NetworkParams,
     PersonNetwork,
     boxes_of,
 )
+from pipeline.training.network_params import NetworkParams  # noqa: E402
 
 PARAMS = NetworkParams(channels=(4, 8, 8, 16), blocks=(1, 1), head=8)
 

@@ -1,8 +1,6 @@
 import numpy as np
 import pytest
 
-pytest.importorskip("hotcoco", reason="the extra [train] is not installed")
-
 from pipeline.training.accuracy import Seen, accuracy
 
 PERSON = np.array([10.0, 10.0, 30.0, 50.0])
