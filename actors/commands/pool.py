@@ -58,6 +58,21 @@ def assume(
     assume_machine(pool, out, machine=machine, like=like, slower=slower, detectors=tuple(detector or ()))
 
 
+@app.command("operating-points")
+def operating_points(
+    pool: Annotated[Path, typer.Argument(help="A pool file.")],
+    evaluation: Annotated[
+        Path, typer.Argument(help="The folder of an evaluation of its detectors, at its thresholds.")
+    ],
+    out: Annotated[Path, typer.Option(help="The pool file to write; must not exist.")],
+) -> None:
+    """The pool with what its detectors' boxes are worth at each codec and bitrate, as an evaluation found."""
+    from pipeline.evaluation.pool.operating_points_into import put_operating_points
+
+    _require_new(out)
+    put_operating_points(pool, evaluation / "results.json", out)
+
+
 def _require_new(out: Path) -> None:
     if out.exists():
         raise InputError(out, "a file that is there already", "a new name")

@@ -112,7 +112,7 @@ def _detector(results: Results, detector: DetectorFile, folder: Path) -> dict[st
         "accuracy_by_size": [row for c in own_codec for row in _by_size(results, c)],
         "accuracy_by_codec": [row for c in cells for row in _with_codec(results, c)],
         "accuracy_by_context": [row for c in own_codec for row in _in_context(results, c)],
-        "operating_points": [_operating_point(point) for point in detector.operating_points],
+        "operating_points": [operating_point_row(point) for point in detector.operating_points],
         "times": [time_row(t) for t in timings],
     }
     if detector.card is not None:
@@ -123,7 +123,8 @@ def _detector(results: Results, detector: DetectorFile, folder: Path) -> dict[st
     return document | ({"sharing": sharing} if sharing else {})
 
 
-def _operating_point(point: MeasuredOperatingPoint) -> dict[str, Any]:
+def operating_point_row(point: MeasuredOperatingPoint) -> dict[str, Any]:
+    """The pool's row of a measured operating point."""
     row = point.model_dump(exclude={"bitrate_bps", "right", "wrong"}, exclude_none=True)
     return row | {"bitrate": {"kbps": point.bitrate_bps / 1e3}, "found": list(row["found"])}
 

@@ -52,19 +52,19 @@ def merge(paths: list[Path], out: Path) -> None:
     A detector that is in more than one pool must be the same file with the same accuracy; its times on other
     machines are added, and the worse slow-down is kept. Raises InputError where pools contradict each other.
     """
-    documents = [(path, _document(path)) for path in paths]
+    documents = [(path, read_document(path)) for path in paths]
     merged: dict[str, dict[str, Any]] = {}
     for path, document in documents:
         for row in document["detectors"]:
-            moved = _moved(row, path.parent, out.parent)
+            own = moved(row, path.parent, out.parent)
             known = merged.get(row["id"])
-            merged[row["id"]] = moved if known is None else _joined(known, moved, path)
+            merged[row["id"]] = own if known is None else _joined(known, own, path)
     pool = {
         "provenance": {"merged": {str(p): d.get("provenance", {}) for p, d in documents}},
         "assumed": list(dict.fromkeys(text for _, d in documents for text in d.get("assumed", []))),
         "detectors": list(merged.values()),
     }
-    _write(out, pool)
+    write_document(out, pool)
 
 
 def assume(
@@ -75,8 +75,8 @@ def assume(
     The pool says that it is assumed. detectors: those to keep, all if empty. Raises InputError for a detector
     or a machine type that the pool has not, or a machine type that is measured already.
     """
-    document = _document(path)
-    rows = {row["id"]: _moved(row, path.parent, out.parent) for row in document["detectors"]}
+    document = read_document(path)
+    rows = {row["id"]: moved(row, path.parent, out.parent) for row in document["detectors"]}
     kept = [_known(rows, name, f"{path} detectors") for name in detectors or rows]
     for row in kept:
         times = {t["machine"]: t for t in row["times"]}
@@ -93,7 +93,7 @@ def assume(
             }
         )
     text = f"machine type {machine}: {slower:g} times as slow as {like}, which was measured"
-    _write(out, document | {"assumed": [*document.get("assumed", []), text], "detectors": kept})
+    write_document(out, document | {"assumed": [*document.get("assumed", []), text], "detectors": kept})
 
 
 def _known(rows: dict[str, Any], name: str, where: str) -> Any:
@@ -102,18 +102,21 @@ def _known(rows: dict[str, Any], name: str, where: str) -> Any:
     return rows[name]
 
 
-def _write(out: Path, pool: dict[str, Any]) -> None:
+def write_document(out: Path, pool: dict[str, Any]) -> None:
+    """Write a pool file and read it back. Raises InputError if it could not be used."""
     with replacing(out) as temporary:
         temporary.write_text(yaml.safe_dump(pool, sort_keys=False, width=110), encoding="utf-8")
         load_pool(temporary)
 
 
-def _document(path: Path) -> Any:
+def read_document(path: Path) -> Any:
+    """What a pool file says, as it stands there. Raises InputError if it could not be used."""
     load_pool(path)
     return yaml.safe_load(path.read_text(encoding="utf-8"))
 
 
-def _moved(row: dict[str, Any], old: Path, new: Path) -> dict[str, Any]:
+def moved(row: dict[str, Any], old: Path, new: Path) -> dict[str, Any]:
+    """A detector's row in a pool of another folder: its files' paths follow."""
     files = {k: os.path.relpath(old / row[k], new) for k in ("model", "card") if row.get(k) is not None}
     return row | files
 

@@ -8,9 +8,12 @@ import pytest
 import yaml
 from made_up import BITRATES, CODECS, results, timing
 
+from pipeline.config.evaluation import load_evaluation
 from pipeline.config.pool import Calibration, load_pool
 from pipeline.errors import InputError
 from pipeline.evaluation.datasets.dataset import sha256_of_file
+from pipeline.evaluation.measuring.operating_points import FoundShare, MeasuredOperatingPoint
+from pipeline.evaluation.pool.operating_points_into import put_operating_points
 from pipeline.evaluation.pool.pool_file import write_pool
 from pipeline.evaluation.pool.pool_tools import assume, differences, merge, shown
 
@@ -187,3 +190,79 @@ def test_a_pool_is_shown_detector_by_detector(pool_file):
     assert (tiny[0], large[0]) == ("tiny", "large")
     assert "workstation 40.0 (80.0) ms" in large
     assert "x 1.40" in large
+
+
+def with_points(threshold=0.4, **changes):
+    """Made-up results whose detectors have an operating point at 50 kbps."""
+    point = MeasuredOperatingPoint(
+        codec="h264", bitrate_bps=50e3, picture_width=1024, calibration=Calibration(scale=2.0, offset=-1.0),
+        found=(FoundShare(person_px_from=24.0, person_px_below=32.0, share=0.25, people=40),),
+        false_boxes=0.5, right=30, wrong=60,
+    )  # fmt: skip
+    known = results(**changes)
+    detectors = [
+        d.model_copy(update={"operating_points": (point,), "score_threshold": threshold})
+        for d in known.detectors
+    ]
+    return known.model_copy(update={"detectors": tuple(detectors)})
+
+
+def test_operating_points_of_a_later_evaluation_come_into_a_pool_whose_times_stay(pool_file, tmp_path):
+    before = load_pool(pool_file)
+    own = before.detectors[0].score_threshold
+    (tmp_path / "results.json").write_text(with_points(own, timings=()).model_dump_json())
+    (tmp_path / "deeper").mkdir()
+    out = tmp_path / "deeper" / "pool.yaml"
+    put_operating_points(pool_file, tmp_path / "results.json", out)
+    after = load_pool(out)
+    for old, new in zip(before.detectors, after.detectors, strict=True):
+        (point,) = new.operating_points
+        assert (point.codec, point.bitrate, point.calibration.scale, point.false_boxes) == (
+            "h264",
+            5e4,
+            2.0,
+            0.5,
+        )
+        assert [(row.share, row.people) for row in point.found] == [(0.25, 40)]
+        assert new.model.resolve() == old.model.resolve()
+        unchanged = {"operating_points", "model", "card"}
+        assert new.model_dump(exclude=unchanged) == old.model_dump(exclude=unchanged)
+    assert after.provenance["times"] == before.provenance["times"]
+    assert after.provenance["operating_points"]["command"] == "searchlight pool operating-points"
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        (lambda: with_points(0.77), r"tiny\.score_threshold.*found 0\.\d+; expected 0\.77"),
+        (lambda: with_points(detectors=("large",)), r"tiny.*a detector that was not evaluated.*one of large"),
+        (results, r"tiny.*an evaluation without operating points.*transcoding"),
+    ],
+)
+def test_operating_points_of_other_boxes_are_refused_and_nothing_is_written(
+    pool_file, tmp_path, given, words
+):
+    (tmp_path / "results.json").write_text(given().model_dump_json())
+    with pytest.raises(InputError, match=words):
+        put_operating_points(pool_file, tmp_path / "results.json", tmp_path / "new.yaml")
+    assert not (tmp_path / "new.yaml").exists()
+
+
+def test_operating_points_of_another_file_are_refused(pool_file, tmp_path):
+    document = yaml.safe_load(pool_file.read_text())
+    document["detectors"][1]["sha256"] = "2" * 64
+    pool_file.write_text(yaml.safe_dump(document))
+    own = load_pool(pool_file).detectors[0].score_threshold
+    (tmp_path / "results.json").write_text(with_points(own).model_dump_json())
+    with pytest.raises(InputError, match=r"large\.sha256.*the file that was evaluated, 1111"):
+        put_operating_points(pool_file, tmp_path / "results.json", tmp_path / "new.yaml")
+
+
+def test_the_shipped_operating_points_are_measured_at_the_pool_s_own_thresholds():
+    evaluation = load_evaluation(POOLS.parent / "evaluations" / "operating-points.yaml")
+    rows = {d.id: d for d in load_pool(POOLS / "simulated.yaml").detectors}
+    assert {d.id for d in evaluation.detectors} == set(rows)
+    for detector in evaluation.detectors:
+        row = rows[detector.id]
+        assert (detector.score_threshold, detector.calibration) == (row.score_threshold, row.calibration)
+        assert detector.model.resolve() == row.model.resolve()
