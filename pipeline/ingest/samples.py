@@ -21,7 +21,7 @@ IntArray = NDArray[np.int64]
 #: fields of a sample: degrees, metres, millimetres of equivalent focal length
 FIELDS = (
     "latitude", "longitude", "absolute_height", "relative_height", "yaw", "pitch", "roll",
-    "aircraft_yaw", "aircraft_pitch", "aircraft_roll", "focal_length_35mm",
+    "aircraft_yaw", "aircraft_pitch", "aircraft_roll", "focal_length_35mm", "digital_zoom",
     "horizontal_sd", "height_sd", "attitude_sd", "recording",
 )  # fmt: skip
 _LIMITS = {
@@ -88,13 +88,13 @@ def track_of(
     bound: the file can still give angles. Raises InputError if no sample is left, with the reasons.
     """
     left_out = left_out or LeftOut()
-    all_samples = list(samples)
+    all_samples, of_longitudes = _eastward(list(samples))
     kept = _plausible(all_samples, left_out)
     kept = _without_spikes(_in_order(kept, left_out), left_out) or _never_fixed(all_samples)
     if not kept:
         found = f"no usable sample ({left_out})" if left_out.counts else "no sample"
         raise InputError(path, found, _angles_in_degrees(all_samples) or expected)
-    columns = {name: np.array([s.values.get(name, math.nan) for s in kept]) for name in FIELDS}
+    columns = _columns(kept)
     start_ns, of_dates = _start_ns(kept)
     return Track(
         start_ns or 0,
@@ -113,6 +113,7 @@ def track_of(
         aircraft_pitch_rad=_radians(columns["aircraft_pitch"]),
         aircraft_roll_rad=_radians(columns["aircraft_roll"]),
         focal_length_35mm=_present(columns["focal_length_35mm"]),
+        digital_zoom=_present(columns["digital_zoom"]),
         horizontal_sd_m=_present(columns["horizontal_sd"]),
         height_sd_m=_present(columns["height_sd"]),
         attitude_sd_rad=_radians(columns["attitude_sd"]),
@@ -121,8 +122,30 @@ def track_of(
         camera_name=camera_name,
         left_out=dict(left_out.counts),
         first_left_out=dict(left_out.first),
-        assumed=(*assumed, *of_dates),
+        assumed=(*assumed, *of_longitudes, *of_dates),
     )
+
+
+def _columns(samples: Sequence[Sample]) -> dict[str, FloatArray]:
+    """(N,) of each field, NaN where a sample has none."""
+    held = set().union(*(s.values for s in samples))
+    unknown = np.full(len(samples), math.nan)
+    return {
+        name: np.array([s.values.get(name, math.nan) for s in samples]) if name in held else unknown
+        for name in FIELDS
+    }
+
+
+def _eastward(samples: list[Sample]) -> tuple[list[Sample], list[str]]:
+    """Longitudes from 0 to 360, as some writers count them, to those from -180 to 180; and what is to be said."""
+    counted = [180.0 < s.values.get("longitude", 0.0) <= 360.0 for s in samples]
+    if 2 * sum(counted) <= len(samples):
+        return samples, []  # of a few it is the fault
+    turned = [
+        replace(s, values={**s.values, "longitude": s.values["longitude"] - 360.0}) if is_so else s
+        for s, is_so in zip(samples, counted, strict=True)
+    ]
+    return turned, ["longitudes count from 0 to 360 degrees eastward"]
 
 
 def _start_ns(samples: Sequence[Sample]) -> tuple[int | None, list[str]]:
@@ -171,8 +194,8 @@ def _never_fixed(samples: Sequence[Sample]) -> list[Sample]:
 def _plausible(samples: list[Sample], left_out: LeftOut) -> list[Sample]:
     """Those that are whole, with a fix, and possible."""
     with_fix = [s for s in samples if s.has_fix]
-    count = Counter(name for s in with_fix for name in _ESSENTIAL if name in s.values)
-    usual = {name for name, n in count.items() if 2 * n > sum(1 for s in with_fix if s.values)}
+    filled = sum(1 for s in with_fix if s.values)
+    usual = {name for name in _ESSENTIAL if 2 * sum(name in s.values for s in with_fix) > filled}
     kept = []
     for sample in samples:
         reason = _fault(sample, usual)
@@ -189,13 +212,18 @@ def _fault(sample: Sample, usual: set[str]) -> str | None:
         return "no_fix"
     if not values:
         return "empty"
-    if any(not math.isfinite(v) for v in values.values()):
+    # a sum is finite if all are; it costs a fifth of looking at each
+    if not math.isfinite(sum(values.values())) and any(not math.isfinite(v) for v in values.values()):
         return "unreadable"
     if values.get("latitude") == 0.0 and values.get("longitude") == 0.0:
         return "no_fix"
-    if not math.isfinite(sample.time_s) or any(abs(values.get(n, 0.0)) > most for n, most in _LIMITS.items()):
+    if not math.isfinite(sample.time_s) or _beyond_limits(values):
         return "impossible"
-    return "incomplete" if usual - values.keys() else None
+    return "incomplete" if not usual <= values.keys() else None
+
+
+def _beyond_limits(values: Mapping[str, float]) -> bool:
+    return any(abs(values[name]) > most for name, most in _LIMITS.items() if name in values)
 
 
 def _in_order(samples: list[Sample], left_out: LeftOut) -> list[Sample]:

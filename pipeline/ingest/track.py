@@ -28,6 +28,7 @@ class Track:
 
     Absent (None) where the format has no such field: aircraft_yaw_rad, aircraft_pitch_rad, aircraft_roll_rad:
     the airframe's attitude. focal_length_35mm: equivalent to a picture 36 mm wide, digital zoom included.
+    digital_zoom: where no focal length holds it; 1 is the whole picture.
     horizontal_sd_m (each axis), height_sd_m, attitude_sd_rad: standard deviations, stated or from the kind of
     fix; the horizontal one is infinite where the receiver has none. recording: 1 where the log says that the
     camera was recording, else 0.
@@ -53,6 +54,7 @@ class Track:
     aircraft_pitch_rad: FloatArray | None = None
     aircraft_roll_rad: FloatArray | None = None
     focal_length_35mm: FloatArray | None = None
+    digital_zoom: FloatArray | None = None
     horizontal_sd_m: FloatArray | None = None
     height_sd_m: FloatArray | None = None
     attitude_sd_rad: FloatArray | None = None
@@ -62,6 +64,12 @@ class Track:
     left_out: Mapping[str, int] = field(default_factory=dict)
     first_left_out: Mapping[str, str] = field(default_factory=dict)
     assumed: tuple[str, ...] = ()
+
+    @property
+    def height_is_either(self) -> bool:
+        """Whether the file has one height and does not say what it is above: both columns then hold it."""
+        known = bool(np.isfinite(self.relative_height_m).any())
+        return known and np.array_equal(self.absolute_height_m, self.relative_height_m, equal_nan=True)
 
     @property
     def has_position(self) -> NDArray[np.bool_]:

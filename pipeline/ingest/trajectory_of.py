@@ -95,7 +95,7 @@ def trajectory_of(
         clock,
         tuple(assumed),
         np.array([believed.position_bias, believed.height_bias, believed.attitude_bias]),
-        _takeoff_m(up, track.relative_height_m[known]),
+        _takeoff_m(up, track, telemetry, known),
     )
 
 
@@ -110,8 +110,11 @@ def _without_positions(track: Track, telemetry: Telemetry) -> InputError:
     )
 
 
-def _takeoff_m(up: FloatArray, relative_m: FloatArray) -> float:
+def _takeoff_m(up: FloatArray, track: Track, telemetry: Telemetry, known: BoolArray) -> float:
     """Height of the take-off above the terrain's datum: where the heights above it count from. NaN: there are none."""
+    if track.height_is_either and telemetry.height == "absolute":
+        return math.nan
+    relative_m = track.relative_height_m[known]
     both = np.isfinite(up) & np.isfinite(relative_m)
     return float(np.median((up - relative_m)[both])) if both.any() else math.nan
 
@@ -329,7 +332,8 @@ def _at(times_s: FloatArray, own_s: FloatArray, values_rad: FloatArray, longest_
 def _focal_scale(track: Track, known: BoolArray, reference_mm: float | None) -> FloatArray:
     """Focal length over the one that the camera belongs to; absent, the shortest: that of the widest view."""
     if track.focal_length_35mm is None:
-        return np.ones(int(known.sum()))
+        zoom = _or_nan(track.digital_zoom, known)
+        return np.where(np.isfinite(zoom), zoom, 1.0)
     focal_mm = track.focal_length_35mm[known]
     if not np.isfinite(focal_mm).any():
         return np.ones(len(focal_mm))

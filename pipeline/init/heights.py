@@ -12,6 +12,8 @@ from pipeline.ingest.track import Track
 
 #: the take-off place may be a little away from the first sample, and barometers drift
 _AGREES_M = 5.0
+#: no drone that films people is higher above its take-off (DJI's own limit is 500 m)
+_HIGHEST_M = 500.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +42,8 @@ def choose_height(
             "relative", None, "the telemetry has no other height; take-off at the first sample"
         )
     takeoff_m = float(np.nanmedian(track.absolute_height_m - track.relative_height_m))
+    if track.height_is_either:
+        return _either(track, ground_m)
     if ground_m is None:
         return HeightChoice("absolute", track.height_datum, "no ground is known that would say better")
     off_m = _off_ground(takeoff_m - ground_m, terrain_datum, undulation_m)
@@ -55,6 +59,19 @@ def choose_height(
         "so heights count from that ground"
     )
     return HeightChoice("relative", None, reason)
+
+
+def _either(track: Track, ground_m: float | None) -> HeightChoice:
+    """Of one height that the file does not call absolute or relative: by which of both can be."""
+    known = track.absolute_height_m[np.isfinite(track.absolute_height_m)]
+    if float(known.max()) > _HIGHEST_M:
+        reason = f"as heights above take-off they would reach {known.max():.0f} m"
+        return HeightChoice("absolute", track.height_datum, reason)
+    if ground_m is not None and float(known[0]) < ground_m - _AGREES_M:
+        reason = f"above the datum the drone would be {ground_m - known[0]:.0f} m under the ground at its first sample"
+        return HeightChoice("relative", None, reason)
+    reason = "the telemetry does not say what they are above, and both can be: relative, if they are above take-off"
+    return HeightChoice("absolute", track.height_datum, reason)
 
 
 def _off_ground(difference_m: float, terrain_datum: Datum, undulation_m: float) -> dict[Datum, float]:

@@ -96,7 +96,7 @@ def check_takeoff(
     undulation_m: float,
 ) -> list[Finding]:
     """Whether the take-off point, where both heights of a drone differ, lies on the ground near the first sample."""
-    if telemetry.height != "absolute":
+    if telemetry.height != "absolute" or track.height_is_either:
         return []
     differences = track.absolute_height_m - track.relative_height_m
     if not np.isfinite(differences).any():

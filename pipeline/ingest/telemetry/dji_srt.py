@@ -10,19 +10,28 @@ import numpy as np
 
 from pipeline.errors import InputError
 from pipeline.ingest.samples import LeftOut, Sample, track_of
-from pipeline.ingest.telemetry.dji_fields import GpsOrder, date_ns, fields_of
-from pipeline.ingest.telemetry.subtitles import Cue, cues_of
-from pipeline.ingest.text import read_text
+from pipeline.ingest.telemetry.dji_fields import date_ns
+from pipeline.ingest.telemetry.dji_position import GpsOrder
+from pipeline.ingest.telemetry.dji_shapes import CueReader
+from pipeline.ingest.telemetry.dji_zoom import merge_zoom
+from pipeline.ingest.telemetry.subtitles import TIME_LINE, Cue, cues_of
+from pipeline.ingest.text import decoded, read_text
 from pipeline.ingest.track import Track
 
 EXPECTED = "DJI telemetry in SRT, with positions"
 #: a last cue that much shorter than the one before was not written to its end, characters
 _CUT_CHARACTERS = 8
+#: a cue's time line stands in these first bytes and lines, below a counter, a mark or a title
+_LOOKED_AT, _FIRST_LINES = 4096, 12
 
 
 def is_dji_srt(path: Path, head: bytes) -> bool:
-    """Whether a file is subtitles, by its name."""
-    return path.suffix.lower() == ".srt"
+    """Whether a file is subtitles: by its name, or by a time line near its begin, whatever it is called."""
+    return path.suffix.lower() == ".srt" or _begins_with_a_cue(decoded(head[:_LOOKED_AT]))
+
+
+def _begins_with_a_cue(text: str) -> bool:
+    return "-->" in text and any(TIME_LINE.fullmatch(line) for line in text.splitlines()[:_FIRST_LINES])
 
 
 def read_dji_srt(path: Path, order: GpsOrder | None = None) -> Track:
@@ -40,20 +49,23 @@ def read_dji_srt(path: Path, order: GpsOrder | None = None) -> Track:
 
 def track_of_cues(path: object, cues: Sequence[Cue], order: GpsOrder | None, cut: Cue | None = None) -> Track:
     """The track of cues, wherever they come from. cut: a cue that was not written to its end."""
-    left_out, assumed = LeftOut(), set[str]()
+    reader, left_out, assumed = CueReader(order), LeftOut(), dict[str, None]()
+    fields: list[dict[str, float]] = []
+    for cue in cues:
+        values, of_cue = reader.fields(cue.text)
+        fields.append(values)
+        assumed.update(dict.fromkeys(of_cue))
+    assumed.update(dict.fromkeys(merge_zoom(fields)))
     dates = [date_ns(cue.text) for cue in cues]
-    samples = []
-    for cue, time_s, date in zip(cues, _times_s(cues, dates), dates, strict=True):
-        values, of_position = fields_of(cue.text, order)
-        assumed.update(of_position)
-        samples.append(Sample(cue.where, time_s, values if cue.text else {}, date, cue.end_s))
+    samples = [
+        Sample(cue.where, time_s, values if cue.text else {}, date, cue.end_s)
+        for cue, time_s, values, date in zip(cues, _times_s(cues, dates), fields, dates, strict=True)
+    ]
     if cut is not None:
         left_out.add("incomplete", cut.where)
     _require_positions(path, samples)
-    if any("altitude" in cue.text for cue in cues[:1]):
-        assumed.add("altitude is a height above the datum, not above take-off")
     return track_of(
-        path, samples, expected=EXPECTED, clock="local", left_out=left_out, assumed=sorted(assumed)
+        path, samples, expected=EXPECTED, clock="local", left_out=left_out, assumed=tuple(assumed)
     )
 
 

@@ -15,7 +15,7 @@ from av.container import InputContainer
 from av.stream import Discard, Stream
 
 from pipeline.errors import InputError
-from pipeline.ingest.telemetry.dji_fields import GpsOrder
+from pipeline.ingest.telemetry.dji_position import GpsOrder
 from pipeline.ingest.telemetry.dji_srt import track_of_cues
 from pipeline.ingest.telemetry.subtitles import Cue, without_tags
 from pipeline.ingest.text import decoded

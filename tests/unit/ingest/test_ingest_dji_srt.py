@@ -243,7 +243,7 @@ DEMO_NS = 1_781_429_400 * 10**9
 # samples, first latitude, longitude, absolute height, relative height, yaw, pitch, date, left out
 NAN = np.nan
 REAL = {
-    "T/air2s.srt": (17, 41.424724, 2.234156, 117.0, NAN, NAN, NAN, 1_659_879_640_774_808_000, {}),
+    "T/air2s.srt": (17, 41.424724, 2.234156, 117.0, 117.0, NAN, NAN, 1_659_879_640_774_808_000, {}),
     "T/matrice_300.srt": (381, 36.6146, -6.1120, NAN, 0.3, NAN, NAN, 1_655_827_577_000_000_000, {}),
     "T/mavic_2_style.SRT": (463, -20.2533, 149.0251, NAN, NAN, NAN, NAN, 1_501_942_311_393_525_000, {"repeated": 5}),
     "T/mavic_mini.SRT": (117, 48.0771, -121.7458, NAN, 200.7, NAN, NAN, 0, {}),

@@ -119,6 +119,10 @@ def test_an_offset_as_large_as_the_geoids_says_that_datums_may_be_mixed_up() -> 
     assert "datums" not in finding
 
 
+def test_one_height_of_no_kind_tells_no_take_off_that_could_be_wrong() -> None:
+    assert takeoff(530.0, 530.0) == []
+
+
 def test_heights_in_feet_are_named() -> None:
     (finding,) = takeoff(530.0 / 0.3048, 30.0 / 0.3048)
     assert "in feet they would be right" in finding

@@ -256,3 +256,14 @@ def test_a_drone_that_took_off_lower_than_it_films() -> None:
     telemetry = Telemetry.model_validate({"file": str(HOME20), "height_datum": "ellipsoid"})
     trajectory = trajectory_of(read_dji_srt(HOME20), telemetry, frame, GROUND)
     assert trajectory.takeoff_m == pytest.approx(93.267, abs=0.02)
+
+
+def test_heights_of_no_kind_tell_no_take_off_as_absolute_ones() -> None:
+    either = flight(relative_height_m=np.full(5, 100.0))
+    assert math.isnan(way(either, **ANGLED).takeoff_m)
+    assert way(either, **ANGLED, height="relative").takeoff_m == pytest.approx(50.0)
+
+
+def test_a_digital_zoom_alone_scales_the_camera_of_the_whole_picture() -> None:
+    zoomed = flight(digital_zoom=np.array([1.0, 1.0, 2.0, 2.0, np.nan]))
+    assert way(zoomed, **ANGLED).focal_scale.tolist() == [1.0, 1.0, 2.0, 2.0, 1.0]

@@ -46,3 +46,20 @@ def test_the_only_height_is_used() -> None:
     assert choose_height(track(130.0, np.nan), 100.0, "ellipsoid", 30.0).height == "absolute"
     assert choose_height(track(np.nan, 30.0), 100.0, "ellipsoid", 30.0).height == "relative"
     assert choose_height(track(130.0, 30.0), None, "ellipsoid", 30.0).height == "absolute"
+
+
+@pytest.mark.parametrize(
+    ("either", "ground_m", "height", "why"),
+    [
+        (40.0, 100.0, "relative", "60 m under the ground"),
+        (640.0, 600.0, "absolute", "would reach 640 m"),
+        (128.0, 93.0, "absolute", "relative, if they are above take-off"),
+        (128.0, None, "absolute", "relative, if they are above take-off"),
+    ],
+)
+def test_a_height_of_no_kind_is_the_one_that_it_can_be(
+    either: float, ground_m: float | None, height: str, why: str
+) -> None:
+    choice = choose_height(track(either, either), ground_m, "geoid", 30.0)
+    assert choice.height == height
+    assert why in choice.reason
