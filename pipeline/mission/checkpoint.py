@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from array import array
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import fields
+from itertools import chain, islice
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import msgpack
@@ -19,21 +21,36 @@ from pipeline.fusion.sequencer import SequencerState
 from pipeline.messages import Detections, pack, unpack
 from pipeline.mission.stages.reducer import HopHistogram, ReducerStage
 from pipeline.storage.checksummed import read_records, write_records
+from pipeline.storage.disk import LOCAL_DISK, Disk
 
-KIND = "searchlight reducer 2"
-
-
-def save_checkpoint(path: Path, stage: ReducerStage) -> None:
-    """Write all that a reducer knows; until all of it is on the disk, path stays as it was."""
-    write_records(path, KIND, _records(stage))
+NOTHING: Mapping[str, Any] = MappingProxyType({})
+KIND = "searchlight reducer 3"
 
 
-def load_checkpoint(path: Path, stage: ReducerStage) -> None:
+def save_checkpoint(
+    path: Path, stage: ReducerStage, beside: Mapping[str, Any] = NOTHING, disk: Disk = LOCAL_DISK
+) -> None:
+    """Write all that a reducer knows; until all of it is on the disk, path stays as it was. Raises OSError.
+
+    beside: what is to be known before the reducer is read, plain values by name.
+    """
+    write_records(path, KIND, chain([msgpack.packb(dict(beside))], state_records(stage)), disk)
+
+
+def read_beside(path: Path, disk: Disk = LOCAL_DISK) -> dict[str, Any]:
+    """What was written beside a reducer's state. Raises InputError if the file is not whole."""
+    beside: dict[str, Any] = msgpack.unpackb(
+        next(read_records(path, KIND, disk)), strict_map_key=False, use_list=False
+    )
+    return beside
+
+
+def load_checkpoint(path: Path, stage: ReducerStage, disk: Disk = LOCAL_DISK) -> None:
     """Let a new reducer of the same mission go on where another one stopped.
 
     Raises InputError, and leaves the reducer as it was, if the file is damaged or of another mission.
     """
-    records = read_records(path, KIND)
+    records = islice(read_records(path, KIND, disk), 1, None)
     state = msgpack.unpackb(next(records), strict_map_key=False, use_list=False)
     mine = {"substreams": tuple(sorted(stage.received)), "classes": tuple(stage.fuser.maps)}
     for name, expected in mine.items():
@@ -46,7 +63,8 @@ def load_checkpoint(path: Path, stage: ReducerStage) -> None:
     _restore_accounts(stage, state)
 
 
-def _records(stage: ReducerStage) -> Iterator[bytes]:
+def state_records(stage: ReducerStage) -> Iterator[bytes]:
+    """All that a reducer knows; the same state, the same bytes."""
     yield msgpack.packb(_state(stage))
     for voxel_map in stage.fuser.maps.values():
         yield from map_records(voxel_map)

@@ -137,7 +137,6 @@ def recover(
         expected = Position(segment.number + 1, segment.digest)
         if segment.fault is not None:
             cut.append(_cut(disk, folder / name, segment.end, segment.size, segment.fault))
-    disk.sync_folder(folder)  # what was removed must not come back behind what is written now
     return Journal(disk, folder, identity, expected), Recovered(tuple(records), tuple(cut))
 
 
