@@ -7,7 +7,7 @@ MISSION ?= configs/missions/demo/mission.yaml
 OUT ?= runs/demo
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run test test-all bench lint docs simulate train clean
+.PHONY: help setup run test test-all bench lint docs simulate train thermal-pool clean
 
 help: ## print the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -54,6 +54,11 @@ train: setup ## train the shipped detectors again (about an hour and a half on t
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[train]'
 	for name in nano small medium large; do \
 		$(BIN)/searchlight train configs/detectors/$$name.train.yaml --out runs/train || exit; done
+
+thermal-pool: setup ## configs/pools/thermal.yaml from the held-out flights of ../shared/data/thermal
+	$(BIN)/searchlight evaluate configs/evaluations/thermal.yaml --out runs/thermal-evaluation
+	rm -f configs/pools/thermal.yaml
+	$(BIN)/searchlight pool merge runs/thermal-evaluation/pool.yaml --out configs/pools/thermal.yaml
 
 clean: ## remove .venv and runs
 	rm -rf $(VENV) runs

@@ -30,14 +30,14 @@ def show(pool: Annotated[Path, typer.Argument(help="The pool file (YAML).")]) ->
 
 @app.command()
 def merge(
-    pools: Annotated[list[Path], typer.Argument(help="Pool files, two or more.")],
+    pools: Annotated[
+        list[Path], typer.Argument(help="Pool files; one alone is copied, and its paths follow.")
+    ],
     out: Annotated[Path, typer.Option(help="The pool file to write; must not exist.")],
 ) -> None:
     """One pool of several: other detectors, or the same ones on other machines."""
     from pipeline.evaluation.pool.pool_tools import merge as merge_pools
 
-    if len(pools) < 2:
-        raise InputError("pools", "one file", "two or more")
     _require_new(out)
     merge_pools(pools, out)
 

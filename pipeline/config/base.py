@@ -30,7 +30,7 @@ def mismatch(found: str, expected: str, at: Sequence[str | int] = ()) -> Pydanti
 
 
 class Strict(BaseModel):
-    """Frozen; unknown keys fail."""
+    """Frozen; unknown keys fail, but in the few schemas that say extra="ignore"."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
@@ -38,6 +38,8 @@ class Strict(BaseModel):
     @classmethod
     def _keys_are_known(cls, data: Any) -> Any:
         # before "missing": a misspelt key is both unknown and missing, and its spelling is what to look at
+        if cls.model_config.get("extra") == "ignore":
+            return data
         for key in data if isinstance(data, dict) else ():
             if key not in cls.model_fields:
                 raise mismatch("an unknown key", "one of " + ", ".join(cls.model_fields), at=(str(key),))

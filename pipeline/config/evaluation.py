@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import ConfigDict, Field, model_validator
 
 from pipeline.config.base import Strict, load, mismatch, refuse_repeated
 from pipeline.config.pool import Calibration
@@ -110,7 +110,7 @@ class EvaluatedDetector(Strict):
     """An ONNX file; id: its name in the pool. precision: as the file has it, or converted first.
 
     score_threshold, calibration: as chosen elsewhere, on other pictures; without a threshold both come from the
-    pictures of this evaluation.
+    pictures of this evaluation. scores: card, if both are those of the card that its training wrote.
     """
 
     id: str = Field(pattern=_ID)
@@ -119,6 +119,15 @@ class EvaluatedDetector(Strict):
     precision: Literal["as_exported", "float16", "int8"] = "as_exported"
     score_threshold: float | None = Field(default=None, gt=0.0, lt=1.0)
     calibration: Calibration | None = None
+    scores: Literal["here", "card"] = "here"
+
+    @model_validator(mode="after")
+    def _the_card_is_there(self) -> EvaluatedDetector:
+        if self.scores == "card" and self.card is None:
+            raise mismatch("no card", "the card that the scores are from", ("card",))
+        if self.scores == "card" and self.score_threshold is not None:
+            raise mismatch("a threshold beside the card's", "one of both", ("score_threshold",))
+        return self
 
     @model_validator(mode="after")
     def _calibration_has_its_threshold(self) -> EvaluatedDetector:
@@ -223,7 +232,35 @@ def load_evaluation(path: Path) -> Evaluation:
         for d in evaluation.datasets
     )
     detectors = tuple(
-        d.model_copy(update={"model": base / d.model, "card": None if d.card is None else base / d.card})
+        _with_scores(
+            d.model_copy(update={"model": base / d.model, "card": None if d.card is None else base / d.card})
+        )
         for d in evaluation.detectors
     )
     return evaluation.model_copy(update={"datasets": datasets, "detectors": detectors})
+
+
+def _with_scores(detector: EvaluatedDetector) -> EvaluatedDetector:
+    """With the card's threshold and calibration, where it goes by them."""
+    if detector.scores == "here" or detector.card is None:
+        return detector
+    scores = load(detector.card, _Card).scores
+    return detector.model_copy(
+        update={"score_threshold": scores.threshold, "calibration": scores.calibration}
+    )
+
+
+class _CardScores(Strict):
+    # a card says much more
+    model_config = ConfigDict(extra="ignore")
+
+    threshold: float = Field(gt=0.0, lt=1.0)
+    calibration: Calibration | None
+
+
+class _Card(Strict):
+    """What is read of a detector's card."""
+
+    model_config = ConfigDict(extra="ignore")
+
+    scores: _CardScores

@@ -47,7 +47,7 @@ def shown(pool: Pool) -> list[tuple[str, ...]]:
 
 
 def merge(paths: list[Path], out: Path) -> None:
-    """One pool of several, written to out; model paths follow.
+    """One pool of several, or a single one in another place, written to out; model paths follow.
 
     A detector that is in more than one pool must be the same file with the same accuracy; its times on other
     machines are added, and the worse slow-down is kept. Raises InputError where pools contradict each other.
@@ -59,8 +59,11 @@ def merge(paths: list[Path], out: Path) -> None:
             own = moved(row, path.parent, out.parent)
             known = merged.get(row["id"])
             merged[row["id"]] = own if known is None else _joined(known, own, path)
+    single = documents[0][1].get("provenance", {})
     pool = {
-        "provenance": {"merged": {str(p): d.get("provenance", {}) for p, d in documents}},
+        "provenance": {"merged": {str(p): d.get("provenance", {}) for p, d in documents}}
+        if len(documents) > 1
+        else single,
         "assumed": list(dict.fromkeys(text for _, d in documents for text in d.get("assumed", []))),
         "detectors": list(merged.values()),
     }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 from dataclasses import replace
 from pathlib import Path
 
@@ -174,6 +175,21 @@ def test_a_threshold_and_calibration_from_other_pictures_are_kept(planned, tmp_p
     assert (use.threshold, use.calibration) == (0.4, given["calibration"])
 
 
+def test_a_card_gives_the_threshold_and_calibration_that_its_training_found(small_mission, tmp_path):
+    card = tmp_path / "a.card.yaml"
+    scores = {"threshold": 0.41, "rule": "of a line", "calibration": {"scale": 1.5, "offset": -0.3}}
+    card.write_text(yaml.safe_dump({"name": "a", "trained": datetime.date(2026, 11, 30), "scores": scores}))
+    asked = {"id": "a", "model": "a.onnx", "card": "a.card.yaml", "scores": "card"}
+    (found,) = evaluation(small_mission, tmp_path, detectors=[asked]).detectors
+    assert (found.score_threshold, found.calibration) == (0.41, Calibration(scale=1.5, offset=-0.3))
+    card.write_text(yaml.safe_dump({"scores": scores | {"calibration": None}}))
+    (found,) = evaluation(small_mission, tmp_path, detectors=[asked]).detectors
+    assert (found.score_threshold, found.calibration) == (0.41, None)
+    card.write_text("name: a")
+    with pytest.raises(InputError, match=r"a\.card\.yaml.*scores"):
+        evaluation(small_mission, tmp_path, detectors=[asked])
+
+
 def test_odd_settings_are_refused_with_file_and_field(small_mission, tmp_path):
     for changes, message in (
         ({"pool": {"codec": "av1"}}, "pool.codec: found av1; expected one of transcoding.codecs: h264, vp9"),
@@ -183,6 +199,11 @@ def test_odd_settings_are_refused_with_file_and_field(small_mission, tmp_path):
         (
             {"detectors": [{"id": "a", "model": "x", "calibration": {"scale": 1, "offset": 0}}]},
             "detectors.0.calibration: found calibration alone",
+        ),
+        ({"detectors": [{"id": "a", "model": "x", "scores": "card"}]}, "detectors.0.card: found no card"),
+        (
+            {"detectors": [{"id": "a", "model": "x", "card": "y", "scores": "card", "score_threshold": 0.3}]},
+            "detectors.0.score_threshold: found a threshold beside the card's",
         ),
         ({"timing": {"setups": [{"machine": "m", "threads": 2, "clock": "processor"}]}}, "setups.0.clock"),
         ({"faults": {"outside_box": "maybe"}}, "faults.outside_box: found 'maybe'"),

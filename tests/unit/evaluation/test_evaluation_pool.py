@@ -126,6 +126,15 @@ def test_merging_adds_detectors_and_machines(pool_file, tmp_path):
     assert len(merged.provenance["merged"]) == 3
 
 
+def test_one_pool_alone_is_the_same_pool_in_another_place(pool_file, tmp_path):
+    (tmp_path / "far").mkdir()
+    merge([pool_file], tmp_path / "far" / "pool.yaml")
+    old, new = load_pool(pool_file), load_pool(tmp_path / "far" / "pool.yaml")
+    assert new.provenance == old.provenance
+    assert [d.model.resolve() for d in new.detectors] == [d.model.resolve() for d in old.detectors]
+    assert list(differences(old, new)) == []
+
+
 def test_pools_that_contradict_each_other_are_not_merged(pool_file, tmp_path):
     other = tmp_path / "other.yaml"
     write_pool(other, results(ap=lambda *_: 0.5))
