@@ -8,9 +8,11 @@ with kinds says everything but names; names are given at the end (see ``packing`
 from __future__ import annotations
 
 import math
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +22,8 @@ from pipeline.messages import FloatArray
 
 #: a level that a class cannot use
 FORBIDDEN = -math.inf
+#: all streams are of rank 0
+NO_RANKS: Mapping[str, int] = MappingProxyType({})
 UNLIMITED = np.iinfo(np.int64).max
 
 #: the substreams of a running plan: stream, detector, bitrate in bit/s, codec
@@ -56,7 +60,8 @@ class Kind:
 class StreamClass:
     """Equal streams.
 
-    value: int64 (kinds, levels), w * gain in OBJECTIVE_RESOLUTION. allowed: bool (kinds, levels). capacity:
+    rank: 0 for the streams that are served first. value: int64 (kinds, levels), w * gain in
+    OBJECTIVE_RESOLUTION. allowed: bool (kinds, levels). capacity:
     int64 (sites,), bits of one cycle, UNLIMITED without a limit. kept: int64 (kinds, levels), how many
     substreams of a running plan each of its streams has there.
     """
@@ -66,6 +71,7 @@ class StreamClass:
     allowed: NDArray[np.bool_]
     capacity: NDArray[np.int64]
     kept: NDArray[np.int64]
+    rank: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +89,14 @@ class Aggregation:
     load: NDArray[np.int64]
     penalty: int
 
+    @cached_property
+    def streams_of_rank(self) -> tuple[int, ...]:
+        """How many streams there are of each rank."""
+        counts = Counter[int]()
+        for stream_class in self.classes:
+            counts[stream_class.rank] += len(stream_class.streams)
+        return tuple(counts[rank] for rank in range(max(counts, default=-1) + 1))
+
     def value_float(self, stream_class: StreamClass) -> FloatArray:
         """float64 (kinds, levels): the value of each choice, FORBIDDEN where it is not allowed."""
         return np.where(stream_class.allowed, stream_class.value * OBJECTIVE_RESOLUTION, FORBIDDEN)
@@ -93,17 +107,19 @@ def aggregate(
     apart: frozenset[str] = frozenset(),
     kept: Kept = frozenset(),
     alone: frozenset[str] = frozenset(),
+    ranks: Mapping[str, int] = NO_RANKS,
 ) -> Aggregation:
     """Find what is interchangeable.
 
-    apart: machines that stay groups of their own. alone: streams that stay classes of their own.
+    apart: machines that stay groups of their own. alone: streams that stay classes of their own. ranks: of
+    the streams, 0 .. without a gap; streams of several ranks are never of one class.
     """
     groups, kinds = _groups_and_kinds(problem, apart)
     load = np.array(
         [[round(b) * (problem.cycle // k.period) for b in problem.bitrates_bps] for k in kinds],
         dtype=np.int64,
     ).reshape(len(kinds), len(problem.bitrates_bps))
-    classes = _classes(problem, kinds, load, kept, alone)
+    classes = _classes(problem, kinds, load, kept, alone, ranks)
     return Aggregation(problem, groups, kinds, classes, load, problem.penalty_units)
 
 
@@ -165,7 +181,12 @@ def _memory(problem: Problem, memory_bytes: float) -> int | None:
 
 
 def _classes(
-    problem: Problem, kinds: tuple[Kind, ...], load: NDArray[np.int64], kept: Kept, alone: frozenset[str]
+    problem: Problem,
+    kinds: tuple[Kind, ...],
+    load: NDArray[np.int64],
+    kept: Kept,
+    alone: frozenset[str],
+    ranks: Mapping[str, int],
 ) -> tuple[StreamClass, ...]:
     by_id = {d.id: d for d in problem.detectors}
     firsts = [by_id[kind.detectors[0]] for kind in kinds]
@@ -180,11 +201,12 @@ def _classes(
         mine = _kept_counts(kind_of, running.get(stream, []))
         links = tuple(problem.link(stream, site) for site in problem.sites)
         own = tuple(problem.stream_accuracy.get((stream, network)) for network in networks)
-        key = (links, own, tuple(sorted(mine.items())), stream if stream in alone else None)
+        apart = stream if stream in alone else None
+        key = (links, own, tuple(sorted(mine.items())), apart, ranks.get(stream, 0))
         streams[key].append(stream)
         counts[key] = mine
     return tuple(
-        _stream_class(problem, kinds, firsts, load, tuple(names), counts[key])
+        _stream_class(problem, kinds, firsts, load, tuple(names), counts[key], ranks.get(names[0], 0))
         for key, names in streams.items()
     )
 
@@ -206,6 +228,7 @@ def _stream_class(
     load: NDArray[np.int64],
     streams: tuple[str, ...],
     counts: Mapping[tuple[int, int], int],
+    rank: int,
 ) -> StreamClass:
     name, levels = streams[0], range(len(problem.bitrates_bps))
     links = [problem.link(name, site) for site in problem.sites]
@@ -221,4 +244,4 @@ def _stream_class(
     kept = np.zeros(load.shape, dtype=np.int64)
     for (k, b), count in counts.items():
         kept[k, b] = count
-    return StreamClass(streams, value, in_time & fits, capacity, kept)
+    return StreamClass(streams, value, in_time & fits, capacity, kept, rank)

@@ -16,7 +16,6 @@ from pipeline.allocation.configuration import Choice, Configuration, configurati
 from pipeline.allocation.linear_master import Goal, LinearMaster, LinearSolution
 from pipeline.allocation.master import Rows
 from pipeline.allocation.pricing import Priced, Pricer, Prices
-from pipeline.messages import FloatArray
 
 #: an improvement below this is none
 TOLERANCE = 1e-9
@@ -48,13 +47,14 @@ class Relaxation:
 
     bound: no plan is worth more (in the goal's unit, a float). prices: by class, of the kinds, the objective
     and kept substreams, at which it was computed. best: per class the greatest worth of a configuration at
-    these prices, -inf if it has none. unserved: streams without a configuration, in sum. complete: no
-    configuration betters it.
+    these prices, -inf if it has none; stake: the same or, if it is greater, that of going unserved. unserved:
+    see LinearSolution. complete: no configuration betters it.
     """
 
     bound: float
     prices: tuple[Prices, ...]
     best: tuple[float, ...]
+    stake: tuple[float, ...]
     unserved: float
     complete: bool
 
@@ -70,10 +70,14 @@ def relax(
     while True:
         solution = master.solve()
         prices = tuple(_prices(rows, goal, solution, c) for c in range(len(aggregation.classes)))
-        offers = [pricer.best(c, p) for c, p in zip(aggregation.classes, prices, strict=True)]
+        offers = [
+            pricer.best(c, p, _COLUMNS_PER_ROUND) for c, p in zip(aggregation.classes, prices, strict=True)
+        ]
         bests = tuple(max((o.profit for o in of_class), default=-math.inf) for of_class in offers)
-        bound = _bound(aggregation, rows, goal, solution.duals, solution.floor_dual, bests)
-        found = Relaxation(bound, prices, bests, solution.unserved, complete=False)
+        ranks = [stream_class.rank for stream_class in aggregation.classes]
+        stake = tuple(max(b, -float(solution.prices[r])) for b, r in zip(bests, ranks, strict=True))
+        bound = _bound(aggregation, rows, goal, solution, stake)
+        found = Relaxation(bound, prices, bests, stake, solution.unserved, complete=False)
         if best is None or bound < best.bound:
             best = found
         added = _add_best(columns, offers, solution, master)
@@ -94,16 +98,15 @@ def _bound(
     aggregation: Aggregation,
     rows: Rows,
     goal: Goal,
-    duals: FloatArray,
-    floor_dual: float,
-    bests: tuple[float, ...],
+    solution: LinearSolution,
+    stake: tuple[float, ...],
 ) -> float:
-    worth = rows.machines_worth(duals)
+    worth = rows.machines_worth(solution.duals)
     if goal.floor is not None:
-        worth -= floor_dual * goal.floor_worth
-    for best, stream_class in zip(bests, aggregation.classes, strict=True):
-        worth += len(stream_class.streams) * max(best, -goal.unserved)
-    return worth
+        worth -= solution.floor_dual * goal.floor_worth
+    for of_stream, stream_class in zip(stake, aggregation.classes, strict=True):
+        worth += len(stream_class.streams) * of_stream
+    return worth + sum(n * float(p) for n, p in zip(goal.spared, solution.prices, strict=False))
 
 
 def _add_best(
@@ -112,7 +115,7 @@ def _add_best(
     added = 0
     for number, of_class in enumerate(offers):
         better = [o for o in of_class if o.profit > solution.served[number] + TOLERANCE]
-        for offer in sorted(better, key=lambda o: -o.profit)[:_COLUMNS_PER_ROUND]:
+        for offer in better:
             column = columns.add(number, offer.choices)
             if column is not None:
                 master.add(column)

@@ -10,19 +10,19 @@ from __future__ import annotations
 
 import time
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 from pipeline.allocation.aggregation import Aggregation, Kept
 from pipeline.allocation.checked import checked
-from pipeline.allocation.configuration import Configuration
+from pipeline.allocation.configuration import Choice, Configuration
 from pipeline.allocation.covering import phases_near
 from pipeline.allocation.distinctness import Distinctions, Unpacked, tell_apart
 from pipeline.allocation.integer_master import IntegerSolution
 from pipeline.allocation.master import Rows
 from pipeline.allocation.packing import Stay, Use, pack_group
 from pipeline.allocation.plan import Assignment, Plan, Status, objective
-from pipeline.allocation.problem import OBJECTIVE_RESOLUTION, Problem
+from pipeline.allocation.problem import OBJECTIVE_RESOLUTION, Detector, Problem
 from pipeline.allocation.proven_optimum import GAP_UNITS, Found, Search
 
 #: a plan this near its bound is optimal: the search's own tolerance, and that of rounding each gain
@@ -95,7 +95,12 @@ def place(
         if machines is None:
             return Unpacked(g, tuple(of_group), tuple(filled))
         detectors += zip(of_group, machines, strict=True)
-    return _assignments(aggregation, detectors, running)
+    by_id = {d.id: d for d in aggregation.problem.detectors}
+    uses_on = [
+        (use.stream, (use.kind, use.level), by_id[aggregation.kinds[use.kind].detectors[m]])
+        for use, m in detectors
+    ]
+    return named(aggregation.problem, uses_on, running)
 
 
 def still_there(problem: Problem, running: Sequence[Assignment]) -> tuple[Assignment, ...]:
@@ -168,17 +173,17 @@ def _stays(aggregation: Aggregation, running: Sequence[Assignment]) -> dict[int,
     return stays
 
 
-def _assignments(
-    aggregation: Aggregation, detectors: list[tuple[Use, int]], running: Sequence[Assignment]
+def named(
+    problem: Problem, uses: Iterable[tuple[str, Choice, Detector]], running: Sequence[Assignment]
 ) -> tuple[Assignment, ...]:
-    problem = aggregation.problem
-    by_id = {d.id: d for d in problem.detectors}
+    """The assignments of (stream, choice, detector), with phases that cover, those of the running plan where
+    these still do.
+    """
     by_stream: dict[str, list[Assignment]] = defaultdict(list)
-    for use, m in detectors:
-        d = by_id[aggregation.kinds[use.kind].detectors[m]]
-        bitrate_bps, codec = problem.bitrates_bps[use.level], problem.codec(use.level)
-        where = (use.stream, d.id, d.detector, d.machine, d.site)
-        by_stream[use.stream].append(Assignment(*where, d.period, 0, bitrate_bps, codec, d.setup))
+    for stream, (_, level), d in uses:
+        bitrate_bps, codec = problem.bitrates_bps[level], problem.codec(level)
+        where = (stream, d.id, d.detector, d.machine, d.site)
+        by_stream[stream].append(Assignment(*where, d.period, 0, bitrate_bps, codec, d.setup))
     before = {(a.stream, a.detector): a.phase for a in running}
     phased = [a for of_stream in by_stream.values() for a in _phased(problem, of_stream, before)]
     return tuple(sorted(phased, key=lambda a: (a.stream, a.phase, a.detector)))

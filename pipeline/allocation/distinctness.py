@@ -9,10 +9,10 @@ one detector of each kind on each of them, and nothing is left to be confused.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from pipeline.allocation.aggregation import Kept, aggregate
+from pipeline.allocation.aggregation import NO_RANKS, Kept, aggregate
 from pipeline.allocation.master import Cut
 from pipeline.allocation.packing import Use
 from pipeline.allocation.problem import Problem
@@ -35,9 +35,17 @@ class Distinctions:
     machines: frozenset[str] = frozenset()
     streams: frozenset[str] = frozenset()
 
-    def search(self, problem: Problem, kept: Kept, *, deadline_s: float, seed: int) -> Search:
+    def search(
+        self,
+        problem: Problem,
+        kept: Kept,
+        *,
+        deadline_s: float,
+        seed: int,
+        ranks: Mapping[str, int] = NO_RANKS,
+    ) -> Search:
         """A new search with these distinctions."""
-        aggregation = aggregate(problem, self.machines, kept, self.streams)
+        aggregation = aggregate(problem, self.machines, kept, self.streams, ranks)
         return Search(aggregation, deadline_s=deadline_s, seed=seed)
 
 

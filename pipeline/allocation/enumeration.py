@@ -7,6 +7,8 @@ cost fixing; Baldacci, Christofides, Mingozzi 2008). An integer master over all 
 
 from __future__ import annotations
 
+import itertools
+import time
 from collections.abc import Sequence
 
 import numpy as np
@@ -21,21 +23,26 @@ from pipeline.allocation.problem import OBJECTIVE_RESOLUTION
 
 
 def enumerate_class(
-    aggregation: Aggregation, states: States, number: int, prices: Prices, least: float, room: int
+    aggregation: Aggregation, states: States, number: int, prices: Prices, least: float, buffer: IntArray
 ) -> list[tuple[Choice, ...]] | None:
-    """All configurations of class ``number`` worth at least ``least``; None if more than ``room`` were looked
-    at.
+    """All configurations of class ``number`` worth at least ``least``; None if the buffer, int64 (room, most
+    detectors), has not the room for them.
 
     Of those that use the same kinds and go on with as many substreams only the most valuable is given.
     """
     items = _Items(aggregation, states, number, prices)
     found: list[tuple[Choice, ...]] = []
+    used = 0
     for pattern in states.patterns:
-        rows = items.of_pattern(states, pattern, least, room)
+        slots = [states.periods.index(period) for period in pattern]
+        if items.hope(slots) < least:
+            continue
+        rows = items.of_pattern(slots, least, buffer[used:, : len(slots)])
         if rows is None:
             return None
-        room -= len(rows)
-        found += items.best(rows)
+        used += len(rows)
+        if len(rows):
+            found += items.best(rows)
     return found
 
 
@@ -46,14 +53,17 @@ def add_enumerated(
     prices: Sequence[Prices],
     least: tuple[float, ...],
     room: int,
+    deadline_s: float,
 ) -> bool:
-    """Add all configurations worth their class's least to the columns; False if there are too many.
+    """Add all configurations worth their class's least to the columns; False if there are too many, or if
+    time.monotonic() passes deadline_s.
 
     prices, least: by class.
     """
+    buffer = np.empty((room, max(map(len, states.patterns), default=0)), dtype=np.int64)
     for number, of_class in enumerate(least):
-        found = enumerate_class(aggregation, states, number, prices[number], of_class, room)
-        if found is None:
+        found = enumerate_class(aggregation, states, number, prices[number], of_class, buffer[:room])
+        if found is None or time.monotonic() > deadline_s:
             return False
         room -= len(found)
         for choices in found:
@@ -70,6 +80,7 @@ class _Items:
         hope = value + prices.kept * (stream_class.kept > 0)
         chosen: list[Choice] = []
         first = [0]
+        self._hope: list[float] = []
         for period in states.periods:
             here = [
                 (k, b)
@@ -78,7 +89,11 @@ class _Items:
                 for b in np.flatnonzero(stream_class.allowed[k]).tolist()
             ]
             chosen += sorted(here, key=lambda choice: -hope[choice])
+            best = hope[chosen[first[-1]]] if here else -np.inf
+            self._hope.append(float(best))
             first.append(len(chosen))
+        if prices.value == 0.0 and prices.kept == 0.0:
+            chosen, first = _lightest(aggregation, chosen, first)
         self.choices = chosen
         kinds = np.array([k for k, _ in chosen], dtype=np.int64)
         levels = np.array([b for _, b in chosen], dtype=np.int64)
@@ -99,14 +114,15 @@ class _Items:
             aggregation.penalty * OBJECTIVE_RESOLUTION * prices.value,
         )
 
-    def of_pattern(
-        self, states: States, pattern: tuple[int, ...], least: float, room: int
-    ) -> IntArray | None:
-        """Numbers of items (N, detectors) of all choices worth the least; None for more than room."""
-        slots = np.array([states.periods.index(period) for period in pattern], dtype=np.int64)
-        found = np.empty((max(room, 1), len(slots)), dtype=np.int64)
-        count = enumerate_pattern(slots, *self._arguments, least, found)
-        return None if count < 0 else found[:count]
+    def hope(self, slots: Sequence[int]) -> float:
+        """No choice for these slots (numbers of periods) is worth more, links still to be paid."""
+        return sum(self._hope[slot] for slot in slots)
+
+    def of_pattern(self, slots: Sequence[int], least: float, buffer: IntArray) -> IntArray | None:
+        """Numbers of items (N, slots) of all choices worth the least; None for more than the buffer holds."""
+        numbers = np.array(slots, dtype=np.int64)
+        count = enumerate_pattern(numbers, *self._arguments, least, buffer)
+        return None if count < 0 else buffer[:count]
 
     def best(self, rows: IntArray) -> list[tuple[Choice, ...]]:
         """Of the rows with equal kinds and as many substreams that go on, the most valuable."""
@@ -122,3 +138,23 @@ class _Items:
         first = np.ones(len(rows), dtype=bool)
         first[1:] = (key[1:] != key[:-1]).any(axis=1)
         return [tuple(sorted(self.choices[i] for i in row)) for row in rows[order[first]].tolist()]
+
+
+def _lightest(
+    aggregation: Aggregation, chosen: list[Choice], first: list[int]
+) -> tuple[list[Choice], list[int]]:
+    """Only the level of each kind that loads the link least: nothing else matters where nothing has a value.
+
+    first: where each period begins, and the end.
+    """
+    kept: list[Choice] = []
+    begins = [0]
+    for begin, end in itertools.pairwise(first):
+        least: dict[int, Choice] = {}
+        for choice in chosen[begin:end]:
+            known = least.get(choice[0])
+            if known is None or aggregation.load[choice] < aggregation.load[known]:
+                least[choice[0]] = choice
+        kept += least.values()
+        begins.append(len(kept))
+    return kept, begins

@@ -13,21 +13,22 @@ from pipeline.allocation.linear_master import Goal
 from pipeline.allocation.master import Rows
 from pipeline.allocation.memory import GroupMemory
 
-#: a kept substream, in goal units
+#: a kept substream, and of a goal of nothing the price 1, in goal units
 KEPT_UNITS = 10**6
 
 
 @dataclass(frozen=True)
 class IntegerSolution:
     """counts: streams per configuration. supply: machines per pattern column. slots: by group without listed
-    patterns, per machine how many of each size. unserved: streams without a configuration. value, kept: sums
-    over the configurations. worth: of the goal, in its units (see ``goal_units``). proven: the search
-    ended.
+    patterns, per machine how many of each size. missing: streams without a configuration, by rank. unserved:
+    of these, those that the goal does not spare. value, kept: sums over the configurations. worth: of the
+    goal, in its units (see ``goal_units``). proven: the search ended.
     """
 
     counts: tuple[int, ...]
     supply: tuple[int, ...]
     slots: dict[int, tuple[tuple[int, ...], ...]]
+    missing: tuple[int, ...]
     unserved: int
     value: int
     kept: int
@@ -60,8 +61,9 @@ def solve_integer(
 ) -> IntegerSolution | None:
     """The best whole combination of the columns; None if none was found in time.
 
-    Streams may stay unserved, at a price above every other gain. bound: no plan is worth more, in goal units:
-    the search ends when it is reached. gap_limit: relative gap at which to stop.
+    Streams may stay unserved, at a price above every other gain; for a goal of nothing, at the goal's. bound:
+    no plan is worth more, in goal units: the search ends when it is reached. gap_limit: relative gap at which
+    to stop.
     """
     model = cp_model.CpModel()
     streams = [len(c.streams) for c in aggregation.classes]
@@ -74,8 +76,14 @@ def solve_integer(
     _group_rows(model, rows, columns, taken, supply)
     slots = _slots(model, rows, columns, taken)
     units = [goal_units(goal, column) for column in columns]
-    price = 1 + 2 * max((abs(u) for u in units), default=0) * sum(streams)
-    worth = cp_model.LinearExpr.weighted_sum(taken, units) - price * cp_model.LinearExpr.sum(unserved)
+    prices = _prices(goal, units, sum(streams))
+    missing = _missing(model, aggregation, goal, unserved)
+    spared = sum(n * price for n, price in zip(goal.spared, prices, strict=False))
+    worth = (
+        cp_model.LinearExpr.weighted_sum(taken, units)
+        - cp_model.LinearExpr.weighted_sum(missing, prices)
+        + spared
+    )
     model.add(worth <= bound)
     model.maximize(worth)
     if goal.floor is not None:
@@ -93,16 +101,38 @@ def solve_integer(
     if status not in (cp_model.OPTIMAL, cp_model.FEASIBLE):
         return None
     counts = tuple(solver.value(take) for take in taken)
+    unserved_of = tuple(solver.value(n) for n in missing)
     return IntegerSolution(
         counts,
         tuple(solver.value(s) for s in supply),
         {g: tuple(tuple(solver.value(u) for u in one) for one in machines) for g, machines in slots.items()},
-        sum(solver.value(u) for u in unserved),
+        unserved_of,
+        sum(n - known for n, known in zip(unserved_of, goal.spared, strict=False)),
         sum(n * column.value for n, column in zip(counts, columns, strict=True)),
         sum(n * column.kept for n, column in zip(counts, columns, strict=True)),
         round(solver.objective_value),
         status == cp_model.OPTIMAL,
     )
+
+
+def _prices(goal: Goal, units: Sequence[int], streams: int) -> list[int]:
+    """Of a stream unserved, by rank, in goal units."""
+    if goal.of == "nothing":
+        return [round(price) * KEPT_UNITS for price in goal.prices]
+    return [1 + 2 * max((abs(u) for u in units), default=0) * streams] * len(goal.prices)
+
+
+def _missing(
+    model: cp_model.CpModel, aggregation: Aggregation, goal: Goal, unserved: Sequence[cp_model.IntVar]
+) -> list[cp_model.IntVar]:
+    """How many streams of each rank go unserved; at least those that are spared."""
+    missing = []
+    for rank, streams in enumerate(aggregation.streams_of_rank):
+        least = goal.spared[rank] if rank < len(goal.spared) else 0
+        missing.append(model.new_int_var(least, streams, f"missing_{rank}"))
+        mine = [n for n, c in zip(unserved, aggregation.classes, strict=True) if c.rank == rank]
+        model.add(sum(mine) == missing[-1])
+    return missing
 
 
 def _most(rows: Rows, supply: int) -> int:

@@ -17,14 +17,17 @@ from pipeline.messages import FloatArray
 
 @dataclass(frozen=True)
 class Goal:
-    """What is maximised, less ``unserved`` for each stream not served.
+    """What is maximised, less the price of each stream that goes unserved.
 
-    of: the objective, the substreams of a running plan that go on, or nothing but the streams served. floor:
-    the least of the other one, objective in OBJECTIVE_RESOLUTION or substreams; None for any.
+    of: the objective, the substreams of a running plan that go on, or nothing but the streams served. prices:
+    of a stream unserved, by rank. spared: by rank, so many streams go unserved, no fewer, and at no price; of
+    the ranks that it does not list any number may. floor: the least of the other one, objective in
+    OBJECTIVE_RESOLUTION or substreams; None for any.
     """
 
     of: Literal["value", "kept", "nothing"]
-    unserved: float
+    prices: tuple[float, ...]
+    spared: tuple[int, ...]
     floor: int | None = None
 
     def worth(self, column: Configuration) -> float:
@@ -38,6 +41,11 @@ class Goal:
         return float(column.kept) if self.of == "value" else column.value * OBJECTIVE_RESOLUTION
 
     @property
+    def spared_worth(self) -> float:
+        """What the streams that go unserved at no price would have cost."""
+        return sum(n * price for n, price in zip(self.spared, self.prices, strict=False))
+
+    @property
     def floor_worth(self) -> float:
         """The floor in the unit of ``floored``."""
         return (self.floor or 0) * (1.0 if self.of == "value" else OBJECTIVE_RESOLUTION)
@@ -45,13 +53,15 @@ class Goal:
 
 @dataclass(frozen=True, eq=False)
 class LinearSolution:
-    """worth: the greatest. served: float64 (classes,), what serving one more stream would add. duals: float64
-    (rows,), of the group rows, at least 0. floor_dual: of the floor, at least 0. unserved:
-    streams without a configuration, in sum.
+    """worth: the greatest. served: float64 (classes,), what serving one more stream would add. prices: float64
+    (ranks,), of one more stream unserved, less what it is worth that so many must be. duals: float64 (rows,),
+    of the group rows, at least 0. floor_dual: of the floor, at least 0. unserved: streams without a
+    configuration, of the ranks with a number that are spared, beyond that number; in sum.
     """
 
     worth: float
     served: FloatArray
+    prices: FloatArray
     duals: FloatArray
     floor_dual: float
     unserved: float
@@ -75,7 +85,15 @@ class LinearMaster:
         if goal.floor is not None:
             self._floor = self._solver.Constraint(goal.floor_worth, infinity)
         self._solver.Objective().SetMaximization()
-        self._unserved = [self._column({serve: 1.0}, -goal.unserved) for serve in self._serve]
+        self._ranks = [c.rank for c in aggregation.classes]
+        self._spared = [self._solver.Constraint(float(n), infinity) for n in goal.spared]
+        self._unserved = [
+            self._column(
+                {serve: 1.0} | ({self._spared[rank]: 1.0} if rank < len(self._spared) else {}),
+                -goal.prices[rank],
+            )
+            for serve, rank in zip(self._serve, self._ranks, strict=True)
+        ]
         for entries in rows.supply:
             self._column({self._limits[r]: amount / self._scale[r] for r, amount in entries}, 0.0)
 
@@ -94,10 +112,21 @@ class LinearMaster:
             raise ValueError(f"GLOP ended the master problem with status {status}")
         duals = np.array([row.dual_value() for row in self._limits]) / self._scale
         floor = 0.0 if self._floor is None else max(0.0, -self._floor.dual_value())
-        unserved = sum(variable.solution_value() for variable in self._unserved)
+        unserved = sum(
+            variable.solution_value()
+            for variable, rank in zip(self._unserved, self._ranks, strict=True)
+            if rank < len(self._spared)
+        )
         served = np.array([row.dual_value() for row in self._serve])
+        prices = np.array(self._goal.prices)
+        prices[: len(self._spared)] += [min(0.0, row.dual_value()) for row in self._spared]
         return LinearSolution(
-            self._solver.Objective().Value(), served, np.maximum(duals, 0.0), floor, unserved
+            self._solver.Objective().Value() + self._goal.spared_worth,
+            served,
+            prices,
+            np.maximum(duals, 0.0),
+            floor,
+            unserved - sum(self._goal.spared),
         )
 
     def _column(self, entries: dict[pywraplp.Constraint, float], worth: float) -> pywraplp.Variable:

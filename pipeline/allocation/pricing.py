@@ -67,17 +67,29 @@ class Pricer:
         self._by_site_and_period: dict[tuple[int, int], list[int]] = {}
         for k, kind in enumerate(aggregation.kinds):
             self._by_site_and_period.setdefault((kind.site, periods.index(kind.period)), []).append(k)
+        self._copies = np.array([kind.copies for kind in aggregation.kinds], dtype=np.int64)
         self._front, self._nodes = _FRONT, _NODES
 
-    def best(self, stream_class: StreamClass, prices: Prices) -> list[Priced]:
-        """For each covering pattern that the class can have, the best configuration; unordered."""
+    def best(
+        self,
+        stream_class: StreamClass,
+        prices: Prices,
+        most: int | None = None,
+        copies: IntArray | None = None,
+    ) -> list[Priced]:
+        """For each covering pattern that the class can have, the best configuration; the best ones first.
+
+        most: only so many of them. copies: int64 (kinds,), where a stream can use fewer of them than ``Kind``
+        says; a kind with none must not be allowed.
+        """
+        copies = self._copies if copies is None else copies
         profits = self._profits(stream_class, prices)
         states = len(self.states.add)
         total = np.full(states, -np.inf)
         total[0] = 0.0
         fronts, taken = [], []
         for site in range(len(self._aggregation.problem.sites)):
-            units = list(self._units(site, stream_class, prices, profits))
+            units = list(self._units(site, stream_class, prices, profits, copies))
             if not units:
                 continue
             fronts.append(self._site(units, int(stream_class.capacity[site])))
@@ -91,11 +103,9 @@ class Pricer:
                 total,
                 taken[-1],
             )
-        return [
-            Priced(float(total[q]), self._choices(int(q), fronts, taken))
-            for q in self.states.covering
-            if total[q] > -np.inf
-        ]
+        covering = self.states.covering[total[self.states.covering] > -np.inf]
+        ranked = covering[np.argsort(-total[covering], kind="stable")][:most]
+        return [Priced(float(total[q]), self._choices(int(q), fronts, taken)) for q in ranked]
 
     def _profits(self, stream_class: StreamClass, prices: Prices) -> FloatArray:
         value = self._aggregation.value_float(stream_class)
@@ -107,23 +117,26 @@ class Pricer:
         return np.asarray(worth - prices.kinds[:, None], dtype=np.float64)
 
     def _units(
-        self, site: int, stream_class: StreamClass, prices: Prices, profits: FloatArray
+        self, site: int, stream_class: StreamClass, prices: Prices, profits: FloatArray, copies: IntArray
     ) -> Iterator[_Unit]:
         for p in range(len(self.states.periods)):
             here = self._by_site_and_period.get((site, p), [])
             keeps = [k for k in here if prices.kept > 0.0 and stream_class.kept[k].any()]
-            free = [k for k in here if self._aggregation.kinds[k].copies >= self._per_stream]
+            free = [k for k in here if copies[k] >= self._per_stream]
             floor = profits[free].max(axis=0) if free else np.full(profits.shape[1], FORBIDDEN)
             if free:
                 best = np.asarray(free)[profits[free].argmax(axis=0)]
                 yield from self._unit(p, True, floor, [(int(k), b) for b, k in enumerate(best)])
             limited = [k for k in here if k not in keeps and k not in free]
             for k in self._contenders(limited, profits, floor):
-                for _ in range(self._aggregation.kinds[k].copies):
+                for _ in range(int(copies[k])):
                     yield from self._unit(p, False, profits[k], [(k, b) for b in range(profits.shape[1])])
             for k in keeps:
-                keeping = self._going_on if k in free else self._keeping
-                yield from keeping(p, k, stream_class.kept[k], profits[k], prices.kept)
+                kept, worth = stream_class.kept[k], prices.kept
+                if k in free:
+                    yield from self._going_on(p, k, kept, profits[k], worth)
+                else:
+                    yield from self._keeping(p, int(copies[k]), k, kept, profits[k], worth)
 
     def _going_on(self, p: int, k: int, kept: IntArray, profits: FloatArray, worth: float) -> Iterator[_Unit]:
         """What goes on of a kind that cannot be used up: beside its other copies, which are free as any."""
@@ -132,10 +145,12 @@ class Pricer:
                 load = int(self._aggregation.load[k, level])
                 yield _Unit(p, False, [(load, float(profits[level] + worth), (k, level))])
 
-    def _keeping(self, p: int, k: int, kept: IntArray, profits: FloatArray, worth: float) -> Iterator[_Unit]:
+    def _keeping(
+        self, p: int, copies: int, k: int, kept: IntArray, profits: FloatArray, worth: float
+    ) -> Iterator[_Unit]:
         """Copies of a kind of which some go on with what runs; each such copy is worth more at its level."""
         levels = np.repeat(np.arange(len(kept)), kept)
-        for copy in range(self._aggregation.kinds[k].copies):
+        for copy in range(copies):
             bonus = profits.copy()
             if copy < len(levels):
                 bonus[levels[copy]] += worth

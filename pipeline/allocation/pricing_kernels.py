@@ -46,6 +46,28 @@ def _insert(loads, profits, nodes, size, load, profit, node):  # type: ignore[no
 
 
 @numba.njit(cache=True)
+def _still_to_come(add, unit_period, first_option, option_load, capacity):  # type: ignore[no-untyped-def]
+    """Per state, the most that detectors added later can load; units must ascend by period."""
+    states, periods = add.shape
+    most = np.zeros(periods, dtype=np.int64)
+    for u in range(unit_period.shape[0]):
+        for option in range(first_option[u], first_option[u + 1]):
+            if option_load[option] <= capacity and option_load[option] > most[unit_period[u]]:
+                most[unit_period[u]] = option_load[option]
+    last = np.zeros(states, dtype=np.int64)
+    for q in range(states):
+        for p in range(last[q], periods):
+            if add[q, p] >= 0:
+                last[add[q, p]] = p
+    more = np.zeros(states, dtype=np.int64)
+    for q in range(states - 1, -1, -1):
+        for p in range(last[q], periods):
+            if add[q, p] >= 0 and most[p] + more[add[q, p]] > more[q]:
+                more[q] = most[p] + more[add[q, p]]
+    return more
+
+
+@numba.njit(cache=True)
 def site_fronts(  # type: ignore[no-untyped-def]
     add,
     capacity,
@@ -62,14 +84,17 @@ def site_fronts(  # type: ignore[no-untyped-def]
 ):
     """Every state's front of (load, profit) at one site, over all choices of units.
 
-    Unit u has the options first_option[u] .. first_option[u + 1] - 1. loads, profits, nodes: (states, F), the
-    fronts; parents, codes: (N,), the nodes, of which number 0 is the empty choice; codes holds numbers of
-    options. Returns the sizes of the fronts, and the number of nodes: -1 if F or N was too small.
+    Unit u has the options first_option[u] .. first_option[u + 1] - 1; units ascend by period. Loads that can
+    never grow beyond the capacity are all counted as the greatest such: only the profit is left to tell those
+    points apart. loads, profits, nodes: (states, F), the fronts; parents, codes: (N,), the nodes, of which
+    number 0 is the empty choice; codes holds numbers of options. Returns the sizes of the fronts, and the
+    number of nodes: -1 if F or N was too small.
     """
     states = add.shape[0]
+    more = _still_to_come(add, unit_period, first_option, option_load, capacity)
     sizes = np.zeros(states, dtype=np.int64)
     sizes[0], used = 1, 1
-    loads[0, 0], profits[0, 0], nodes[0, 0], parents[0], codes[0] = 0, 0.0, 0, -1, -1
+    loads[0, 0], profits[0, 0], nodes[0, 0], parents[0], codes[0] = max(0, capacity - more[0]), 0.0, 0, -1, -1
     for u in range(unit_period.shape[0]):
         for step in range(states):
             # a repeated unit finds its own results on the way up, a single one must not
@@ -84,6 +109,7 @@ def site_fronts(  # type: ignore[no-untyped-def]
                         break
                     if used == parents.shape[0]:
                         return sizes, -1
+                    load = max(load, capacity - more[to])
                     profit = profits[q, point] + option_profit[option]
                     size = _insert(loads[to], profits[to], nodes[to], sizes[to], load, profit, used)
                     if size == -1:

@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
-from pipeline.allocation.aggregation import Aggregation
+from pipeline.allocation.aggregation import NO_RANKS, Aggregation, Kept
 from pipeline.allocation.checked import checked
 from pipeline.allocation.decomposed import finished, kept_of, place, solve, still_there, without_plan
 from pipeline.allocation.distinctness import Distinctions, Unpacked, tell_apart
@@ -26,6 +26,8 @@ from pipeline.logs import Log
 _LOG = Log("allocation")
 #: a fresh plan after an invalid one may take this long, even if the time limit has come
 _LEAST_TIME_S = 1.0
+#: of the time left, the search for the best plan may take so much, and then that for the one that keeps most
+_BEST_SHARE, _KEEP_SHARE = 0.6, 0.7
 
 
 @dataclass(frozen=True)
@@ -52,58 +54,104 @@ def replan(
     loss: the share, 0..1, of the best plan's accuracy (w * acc_obj) that may be given up to move less. A plan
     that breaks a limit is not handed out: a fresh one takes its place. Raises as ``decomposed.solve``.
     """
-    start = time.monotonic()
-    found = _replan(problem, running, loss, start + time_limit_s, seed)
+    start, before = time.perf_counter(), still_there(problem, running)
+    deadline_s = time.monotonic() + time_limit_s
+    found = moved(problem, before, loss=loss, deadline_s=deadline_s, seed=seed)
+    best = found.best
+    if found.placed is None or best.solution is None:
+        plan = without_plan(problem, best.status, time.perf_counter() - start, found.search)
+        return Replanned(plan, None, 0, len(running), 0, fewest=False)
+    plan, fewest = (
+        finished(problem, best, found.placed, time.perf_counter() - start, found.search),
+        found.fewest,
+    )
     try:
-        checked(problem, found.plan)
+        checked(problem, plan)
     except InvalidPlanError as error:
-        _LOG.warning("plan made again is not valid, solving afresh", fault=str(error))
-        left_s = start + time_limit_s - time.monotonic()
-        fresh = solve(problem, time_limit_s=max(left_s, _LEAST_TIME_S), seed=seed)
-        kept = len(kept_of(fresh.assignments) & kept_of(still_there(problem, running)))
-        ended, begun = len(running) - kept, len(fresh.assignments) - kept
-        return Replanned(fresh, fresh.objective, kept, ended, begun, fewest=False)
-    return found
+        _LOG.warning("a plan made again is not valid, solving afresh", fault=str(error))
+        left_s = max(deadline_s - time.monotonic(), _LEAST_TIME_S)
+        plan, fewest = solve(problem, time_limit_s=left_s, seed=seed), False
+    kept = len(kept_of(plan.assignments) & kept_of(before))
+    best_objective = best.solution.value * OBJECTIVE_RESOLUTION
+    return Replanned(plan, best_objective, kept, len(running) - kept, len(plan.assignments) - kept, fewest)
 
 
-def _replan(
-    problem: Problem, running: Sequence[Assignment], loss: float, deadline_s: float, seed: int
-) -> Replanned:
-    start = time.perf_counter()
-    before = still_there(problem, running)
-    known, kept = Distinctions(), kept_of(before)
-    search = known.search(problem, kept, deadline_s=deadline_s, seed=seed)
-    answer: Replanned | None = None
+@dataclass(frozen=True, eq=False)
+class Moved:
+    """What a search with the fewest changes found. best: of the best plan, however much it moves. placed: None
+    without a plan. fewest: see Replanned. spared: whether it is proven that no more streams can be served.
+    """
+
+    best: Found
+    placed: tuple[Assignment, ...] | None
+    fewest: bool
+    spared: bool
+    search: Search
+
+
+def moved(
+    problem: Problem,
+    running: Sequence[Assignment],
+    *,
+    loss: float,
+    deadline_s: float,
+    seed: int = 0,
+    ranks: Mapping[str, int] = NO_RANKS,
+    known: Sequence[Assignment] = (),
+    spare: bool = False,
+) -> Moved:
+    """The fewest changes within the loss. running: of ``still_there``. known: a plan that keeps all limits.
+
+    spare: streams may go unserved, as few of each rank as can be, those of the lower ranks first.
+    """
+    kept = kept_of(running)
+    told = Distinctions()
+
+    def begun() -> Search:
+        search = told.search(problem, kept, deadline_s=deadline_s, seed=seed, ranks=ranks)
+        search.know(known)
+        return search
+
+    search = begun()
+    answer: Moved | None = None
     while True:
-        best = search.solve(search.value_goal())
+        spared = search.spare(missing(search.aggregation, known)) if spare else True
+        best = search.solve(search.value_goal(), share=_BEST_SHARE)
+        late = time.monotonic() > deadline_s
         if best.solution is None:
-            plan = without_plan(problem, best.status, time.perf_counter() - start, search)
-            return answer or Replanned(plan, None, 0, len(running), 0, fewest=False)
-        told, proven = known, False
+            return answer or Moved(best, None, False, spared, search)
+        before, fewest = told, False
         placed = place(search.aggregation, search.rows, best, deadline_s=deadline_s)
         if not isinstance(placed, Unpacked):
-            chosen, proven = _fewest(search, best, loss)
-            placed = place(search.aggregation, search.rows, chosen, before, deadline_s=deadline_s)
+            chosen, fewest = (best, False) if late else _fewest(search, best, loss)
+            placed = place(search.aggregation, search.rows, chosen, running, deadline_s=deadline_s)
         if isinstance(placed, Unpacked):
-            known = tell_apart(search, placed, known)
+            if late:
+                return answer or Moved(replace(best, status="unknown"), None, False, spared, search)
+            told = tell_apart(search, placed, told)
         else:
-            displaced = _displaced(search.aggregation, placed, before)
-            plan = finished(problem, best, placed, time.perf_counter() - start, search)
-            on = len(kept_of(placed) & kept)
-            found = Replanned(
-                plan,
-                best.solution.value * OBJECTIVE_RESOLUTION,
-                on,
-                len(running) - on,
-                len(placed) - on,
-                proven and not displaced,
-            )
-            answer = found if answer is None or found.kept >= answer.kept else answer
+            displaced = _displaced(search.aggregation, placed, running)
+            found = Moved(best, placed, fewest and not displaced, spared, search)
+            if answer is None or _kept(found, kept) >= _kept(answer, kept):
+                answer = found
             if not displaced or time.monotonic() > deadline_s:
                 return answer
-            known = Distinctions(known.machines | displaced, known.streams)
-        if known != told:
-            search = known.search(problem, kept, deadline_s=deadline_s, seed=seed)
+            told = Distinctions(told.machines | displaced, told.streams)
+        if told != before:
+            search = begun()
+
+
+def missing(aggregation: Aggregation, known: Sequence[Assignment]) -> tuple[int, ...]:
+    """How many streams of each rank are assigned nothing."""
+    served = {a.stream for a in known}
+    counts = [0] * len(aggregation.streams_of_rank)
+    for stream_class in aggregation.classes:
+        counts[stream_class.rank] += sum(stream not in served for stream in stream_class.streams)
+    return tuple(counts)
+
+
+def _kept(found: Moved, kept: Kept) -> int:
+    return len(kept_of(found.placed or ()) & kept)
 
 
 def _fewest(search: Search, best: Found, loss: float) -> tuple[Found, bool]:
@@ -115,7 +163,7 @@ def _fewest(search: Search, best: Found, loss: float) -> tuple[Found, bool]:
         for choice in column.choices
     )
     least = best.solution.value - max(math.floor(loss * accuracy), GAP_UNITS)
-    keeping = search.solve(search.keep_goal(least))
+    keeping = search.solve(search.keep_goal(least), share=_KEEP_SHARE)
     if keeping.solution is None or keeping.status != "optimal":
         return (best if keeping.solution is None else keeping), False
     finest = search.solve(search.value_goal(keeping.solution.kept))
