@@ -31,6 +31,8 @@ from pipeline.errors import InvalidPlanError, NoPlanError
 from pipeline.logs import Log
 
 _LOG = Log("allocation")
+#: of the time limit, what the search may take; the rest is for its last step, the check and the reasons
+_SEARCH_SHARE = 0.85
 
 
 def first_valid(
@@ -48,7 +50,7 @@ def first_valid(
     start = time.perf_counter()
     ranks = ranks_of(problem.streams, priorities)
     assignments = _first(problem, running, ranks, time.monotonic() + time_limit_s)
-    return _answer(problem, running, assignments, None, start, proven=False)
+    return _answer(problem, running, assignments, None, start)
 
 
 def plan_again(
@@ -66,7 +68,7 @@ def plan_again(
     accuracy (w * acc_obj) that may be given up to move less. Raises InvalidPlanError if every plan that was
     found breaks a limit.
     """
-    start, deadline_s = time.perf_counter(), time.monotonic() + time_limit_s
+    start, deadline_s = time.perf_counter(), time.monotonic() + _SEARCH_SHARE * time_limit_s
     ranks, before = ranks_of(problem.streams, priorities), still_there(problem, running)
     first = _first(problem, running, ranks, deadline_s)
     spare = len({a.stream for a in first}) < len(problem.streams)
@@ -83,14 +85,24 @@ def plan_again(
         )
     except NoPlanError as error:  # too many patterns
         _LOG.warning("only mended, not planned again", reason=str(error))
-        return _answer(problem, running, first, None, start, proven=False)
-    if found.placed is None or _is_better(problem, first, found.placed, before, ranks, loss):
-        return _answer(problem, running, first, found, start, proven=False)
+        return _answer(problem, running, first, None, start)
+    chosen = found.placed
+    if chosen is None or _is_better(problem, first, chosen, before, ranks, loss):
+        chosen = first
     try:
-        return _answer(problem, running, found.placed, found, start, proven=found.fewest and found.spared)
+        return _answer(problem, running, chosen, found, start)
     except InvalidPlanError as error:
         _LOG.warning("a plan made again is not valid, mending the running one", fault=str(error))
-        return _answer(problem, running, first, None, start, proven=False)
+        return _answer(problem, running, first, None, start)
+
+
+def _proven(assignments: Sequence[Assignment], running: Sequence[Assignment], found: Moved) -> bool:
+    """Whether nobody more can be served, and nothing more can go on within the loss of the best plan."""
+    served = found.spared and missing(found.search.aggregation, assignments) == found.search.spared
+    if not served or found.best.status != "optimal":
+        return False
+    kept = len(kept_of(assignments) & kept_of(running))
+    return (found.fewest and assignments is found.placed) or (found.most is not None and kept >= found.most)
 
 
 def _first(
@@ -137,8 +149,6 @@ def _answer(
     assignments: tuple[Assignment, ...],
     found: Moved | None,
     start: float,
-    *,
-    proven: bool,
 ) -> PlannedAgain:
     served = served_only(problem, assignments)
     value = objective(problem, assignments)
@@ -155,10 +165,12 @@ def _answer(
         0 if found is None else len(found.search.columns.all) + len(found.search.rows.supply),
         0 if found is None else len(found.search.aggregation.classes) + len(found.search.rows.limit),
     )
-    sure = found is not None and found.spared and found.placed is assignments
+    sure = found is not None and found.spared
     reasons = {
         v: reason(problem, v, assignments, sure=sure) for v in problem.streams if v not in served.streams
     }
+    before = still_there(problem, running)
+    proven = found is not None and _proven(assignments, before, found)
     return planned(problem, running, plan, reasons, proven=proven)
 
 

@@ -17,6 +17,7 @@ from pipeline.allocation.aggregation import NO_RANKS, Aggregation, Kept
 from pipeline.allocation.checked import checked
 from pipeline.allocation.decomposed import finished, kept_of, place, solve, still_there, without_plan
 from pipeline.allocation.distinctness import Distinctions, Unpacked, tell_apart
+from pipeline.allocation.integer_master import KEPT_UNITS
 from pipeline.allocation.plan import Assignment, Plan
 from pipeline.allocation.problem import OBJECTIVE_RESOLUTION, Problem
 from pipeline.allocation.proven_optimum import GAP_UNITS, Found, Search
@@ -79,12 +80,14 @@ def replan(
 @dataclass(frozen=True, eq=False)
 class Moved:
     """What a search with the fewest changes found. best: of the best plan, however much it moves. placed: None
-    without a plan. fewest: see Replanned. spared: whether it is proven that no more streams can be served.
+    without a plan. fewest: see Replanned. most: no plan within the loss lets more substreams go on; None if
+    unknown. spared: whether it is proven that no more streams can be served.
     """
 
     best: Found
     placed: tuple[Assignment, ...] | None
     fewest: bool
+    most: int | None
     spared: bool
     search: Search
 
@@ -114,26 +117,29 @@ def moved(
 
     search = begun()
     answer: Moved | None = None
+    most: int | None = None
     while True:
         spared = search.spare(missing(search.aggregation, known)) if spare else True
         best = search.solve(search.value_goal(), share=_BEST_SHARE)
         late = time.monotonic() > deadline_s
         if best.solution is None:
-            return answer or Moved(best, None, False, spared, search)
+            return answer or Moved(best, None, False, most, spared, search)
         before, fewest = told, False
         placed = place(search.aggregation, search.rows, best, deadline_s=deadline_s)
         if not isinstance(placed, Unpacked):
-            chosen, fewest = (best, False) if late else _fewest(search, best, loss)
+            chosen, fewest, bound = (best, False, None) if late else _fewest(search, best, loss)
+            most = bound if most is None else min(most, bound or most)
             placed = place(search.aggregation, search.rows, chosen, running, deadline_s=deadline_s)
         if isinstance(placed, Unpacked):
             if late:
-                return answer or Moved(replace(best, status="unknown"), None, False, spared, search)
+                return answer or Moved(replace(best, status="unknown"), None, False, most, spared, search)
             told = tell_apart(search, placed, told)
         else:
             displaced = _displaced(search.aggregation, placed, running)
-            found = Moved(best, placed, fewest and not displaced, spared, search)
+            found = Moved(best, placed, fewest and not displaced, most, spared, search)
             if answer is None or _kept(found, kept) >= _kept(answer, kept):
                 answer = found
+            answer = replace(answer, most=most)
             if not displaced or time.monotonic() > deadline_s:
                 return answer
             told = Distinctions(told.machines | displaced, told.streams)
@@ -154,8 +160,10 @@ def _kept(found: Moved, kept: Kept) -> int:
     return len(kept_of(found.placed or ()) & kept)
 
 
-def _fewest(search: Search, best: Found, loss: float) -> tuple[Found, bool]:
-    """The best solution of those that end fewest substreams, and whether both are proven."""
+def _fewest(search: Search, best: Found, loss: float) -> tuple[Found, bool, int | None]:
+    """The best solution of those that end fewest substreams, whether both are proven, and the most that can
+    go on (as far as kinds tell: packing may allow fewer).
+    """
     assert best.solution is not None
     accuracy = sum(
         count * int(search.aggregation.classes[column.stream_class].value[choice])
@@ -164,12 +172,13 @@ def _fewest(search: Search, best: Found, loss: float) -> tuple[Found, bool]:
     )
     least = best.solution.value - max(math.floor(loss * accuracy), GAP_UNITS)
     keeping = search.solve(search.keep_goal(least), share=_KEEP_SHARE)
+    most = None if keeping.bound is None else keeping.bound // KEPT_UNITS
     if keeping.solution is None or keeping.status != "optimal":
-        return (best if keeping.solution is None else keeping), False
+        return (best if keeping.solution is None else keeping), False, most
     finest = search.solve(search.value_goal(keeping.solution.kept))
     if finest.solution is None:
-        return keeping, False
-    return finest, finest.status == "optimal" and best.status == "optimal"
+        return keeping, False, most
+    return finest, finest.status == "optimal" and best.status == "optimal", most
 
 
 def _displaced(

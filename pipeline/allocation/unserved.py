@@ -37,7 +37,8 @@ def reason(problem: Problem, stream: str, placed: Sequence[Assignment], *, sure:
             return text
     free = replace(alone, link_bps=_no_limit(alone, stream), deadline=None, machines=_boundless(alone))
     if _possible(free):
-        return f"its links ({_links(problem, stream)}), the deadline and the machines' memory, taken together"
+        deadline = "" if alone.deadline is None else f" and a result within {alone.deadline.limit_s:g} s"
+        return f"its links ({_links(problem, stream)}) and the machines' memory{deadline} exclude each other"
     most, rate_hz = problem.detectors_per_stream, problem.frame_rate_hz
     return f"no {most} of the detectors together see every frame at {rate_hz:g} Hz"
 
