@@ -102,7 +102,7 @@ def _proven(assignments: Sequence[Assignment], running: Sequence[Assignment], fo
     if not served or found.best.status != "optimal":
         return False
     kept = len(kept_of(assignments) & kept_of(running))
-    return (found.fewest and assignments is found.placed) or (found.most is not None and kept >= found.most)
+    return (found.fewest and assignments is found.placed) or kept >= found.most
 
 
 def _first(
@@ -175,10 +175,11 @@ def _answer(
 
 
 def _bound(problem: Problem, assignments: Sequence[Assignment], found: Moved | None) -> float:
-    """No plan for so many streams of each rank has a greater objective."""
-    if found is not None and found.best.bound is not None:
-        search, counts = found.search, missing(found.search.aggregation, assignments)
-        if counts == search.spared:
-            return found.best.bound * OBJECTIVE_RESOLUTION
+    """No plan for the same streams has a greater objective."""
     served = served_only(problem, assignments)
-    return value_bound(aggregate(served), served.streams)
+    bound = value_bound(aggregate(served), served.streams)
+    if found is None or found.best.bound is None:
+        return bound
+    # what the search gave up has the same number of streams of each rank, and perhaps others
+    same = missing(found.search.aggregation, assignments) == found.search.spared
+    return min(bound, found.best.bound * OBJECTIVE_RESOLUTION) if same else bound

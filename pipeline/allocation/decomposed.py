@@ -79,8 +79,12 @@ def place(
     running: Sequence[Assignment] = (),
     *,
     deadline_s: float,
+    least_s: float = 1.0,
 ) -> tuple[Assignment, ...] | Unpacked:
-    """Give the detectors of a solution machines and phases, where possible those of a running plan."""
+    """Give the detectors of a solution machines and phases, where possible those of a running plan.
+
+    least_s: the time that each group of machines may take even if the deadline has come.
+    """
     assert found.solution is not None
     uses = _uses(aggregation, found.columns, found.solution)
     by_group: dict[int, list[Use]] = defaultdict(list)
@@ -90,7 +94,7 @@ def place(
     detectors: list[tuple[Use, int]] = []
     for g, of_group in sorted(by_group.items()):
         filled = _filled(rows, found.solution, g)
-        limit_s = max(deadline_s - time.monotonic(), 1.0)
+        limit_s = max(deadline_s - time.monotonic(), least_s)
         machines = pack_group(aggregation, rows, g, of_group, filled, stays.get(g, ()), limit_s)
         if machines is None:
             return Unpacked(g, tuple(of_group), tuple(filled))

@@ -8,13 +8,12 @@ one detector of each kind on each of them, and nothing is left to be confused.
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from pipeline.allocation.aggregation import NO_RANKS, Kept, aggregate
 from pipeline.allocation.master import Cut
-from pipeline.allocation.packing import Use
+from pipeline.allocation.packing import Use, violated
 from pipeline.allocation.problem import Problem
 from pipeline.allocation.proven_optimum import Search
 
@@ -51,7 +50,7 @@ class Distinctions:
 
 def tell_apart(search: Search, unpacked: Unpacked, known: Distinctions) -> Distinctions:
     """Exclude the failed packing: by a cut in the search, or else by what is given back, for a new search."""
-    pairs = violated(search, unpacked)
+    pairs = violated(search.rows, unpacked.group, unpacked.uses, unpacked.filled)
     if pairs is None:
         machines = search.aggregation.groups[unpacked.group].machines
         return Distinctions(known.machines | set(machines), known.streams)
@@ -65,20 +64,3 @@ def tell_apart(search: Search, unpacked: Unpacked, known: Distinctions) -> Disti
     assert size is not None
     search.cut(Cut(unpacked.group, size[1], members, len(pairs)))
     return known
-
-
-def violated(search: Search, unpacked: Unpacked) -> Sequence[tuple[str, int]] | None:
-    """Pairs (stream, kind) of one size that have more detectors than the machines have room for them, the
-    pairs with most first; None if no condition of the kind of ``Cut`` fails.
-    """
-    memory = search.rows.memories[unpacked.group]
-    if memory is None or memory.patterns is None:
-        return None
-    for size in range(len(memory.sizes)):
-        mine = [use for use in unpacked.uses if search.rows.size_of[use.kind] == (unpacked.group, size)]
-        pairs = Counter((use.stream, use.kind) for use in mine).most_common()
-        for k in range(1, len(pairs) + 1):
-            room = sum(min(pattern[size], k) for pattern in unpacked.filled)
-            if sum(count for _, count in pairs[:k]) > room:
-                return [pair for pair, _ in pairs[:k]]
-    return None

@@ -48,18 +48,52 @@ def pack_group(
 
     uses: all of the group; of equal ones each is a copy. filled: the integer master's pattern per machine,
     may be shorter than the group. As many stays as possible stay; if the time limit ends the search, perhaps
-    fewer.
+    fewer. Without stays, uses that do not fit the patterns are given up at once where a cut excludes them.
     """
     machines = len(aggregation.groups[group].machines)
     memory = rows.memories[group]
     if not stays:
         found = _greedy(rows, uses, memory, machines, filled)
-        if found is not None:
+        if found is not None or _soon_excluded(aggregation, rows, group, uses, filled):
             return found
     first = _with_stays(rows, uses, memory, machines, stays)
     if first is not None:
         return first
     return _search(rows, uses, memory, machines, stays, time_limit_s)
+
+
+def violated(
+    rows: Rows, group: int, uses: Sequence[Use], filled: Sequence[Sequence[int]]
+) -> Sequence[tuple[str, int]] | None:
+    """Pairs (stream, kind) of one size that have more detectors than the filled machines have room for them,
+    the pairs with most first; None if no condition of the kind of ``Cut`` fails.
+    """
+    memory = rows.memories[group]
+    if memory is None or memory.patterns is None:
+        return None
+    for size in range(len(memory.sizes)):
+        mine = [use for use in uses if rows.size_of[use.kind] == (group, size)]
+        pairs = Counter((use.stream, use.kind) for use in mine).most_common()
+        for k in range(1, len(pairs) + 1):
+            room = sum(min(pattern[size], k) for pattern in filled)
+            if sum(count for _, count in pairs[:k]) > room:
+                return [pair for pair, _ in pairs[:k]]
+    return None
+
+
+def _soon_excluded(
+    aggregation: Aggregation,
+    rows: Rows,
+    group: int,
+    uses: Sequence[Use],
+    filled: Sequence[Sequence[int]],
+) -> bool:
+    """Whether a cut can exclude these patterns as things stand: the search then goes on with its columns,
+    which takes less time than to look through all other patterns here.
+    """
+    pairs = violated(rows, group, uses, filled)
+    alone = {c.streams[0] for c in aggregation.classes if len(c.streams) == 1}
+    return pairs is not None and all(stream in alone for stream, _ in pairs)
 
 
 def _greedy(

@@ -29,7 +29,7 @@ class PlannedAgain:
     """A plan for a changed problem.
 
     plan: of the streams served; ``validate(problem, plan)`` is empty. Its bound and gap are to the best plan
-    that serves as many, however much it moves. problem: the one asked for, with the streams served alone.
+    for the same streams, however much it moves. problem: the one asked for, with the streams served alone.
     unserved: the others, in the problem's order. kept, begun: substreams of the plan that go on, and that are
     new. ended: those of the running plan that do not go on. proven: that no plan serves the priorities
     better, and that none within the loss ends fewer substreams.

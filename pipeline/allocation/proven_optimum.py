@@ -15,6 +15,8 @@ from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from pipeline.allocation.aggregation import Aggregation
 from pipeline.allocation.column_generation import Columns, Relaxation, relax
 from pipeline.allocation.configuration import Choice, Configuration
@@ -23,7 +25,7 @@ from pipeline.allocation.integer_master import KEPT_UNITS, IntegerSolution, solv
 from pipeline.allocation.linear_master import Goal
 from pipeline.allocation.master import Cut, rows_of
 from pipeline.allocation.plan import Assignment, Status
-from pipeline.allocation.pricing import Pricer
+from pipeline.allocation.pricing import Pricer, Prices
 from pipeline.allocation.problem import OBJECTIVE_RESOLUTION
 
 #: goal units (1e-9 of objective) by which a plan may miss its bound and count as optimal: the linear solver's
@@ -32,14 +34,14 @@ GAP_UNITS = 100
 #: configurations that enumeration may look at before it gives up
 MAX_ENUMERATED = 150_000
 #: the whole gap is enumerated at once if it has no more
-_FEW = 5_000
+_FEW = 20_000
 #: else parts of it, one after the other
 _PARTS = (1.0 / 64.0, 1.0 / 16.0, 1.0 / 4.0, 1.0)
 #: the ranks that are decided together have prices up to this
 _MOST_PRICE = 10_000
 _UNSERVED_TOLERANCE = 1e-6
 #: of the time that is left, column generation may take this much
-_LINEAR_SHARE = 0.6
+_LINEAR_SHARE = 0.75
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,15 +91,24 @@ class Search:
         self.spared = known
         spared: tuple[int, ...] = ()
         proven = True
-        while len(spared) < len(self.spared):
-            found = self.solve(self._serve_goal(spared))
+        while len(spared) < len(known):
+            goal, decided = self._serve_goal(spared), len(spared) + len(self._together(len(spared)))
+            if known[: len(spared)] == spared and self._is_least(goal, known[:decided]):
+                spared = known[:decided]
+                continue
+            found = self.solve(goal)
             if found.solution is None:
                 return False
             proven = proven and found.status == "optimal"
-            ranks = len(self._together(len(spared)))
-            spared = found.solution.missing[: len(spared) + ranks]
+            spared = found.solution.missing[:decided]
         self.spared = min(spared, known)
         return proven
+
+    def _is_least(self, goal: Goal, known: tuple[int, ...]) -> bool:
+        """Whether the linear relaxation tells that no fewer than the known streams can go unserved."""
+        relaxation = self._relaxation(goal)
+        worth = goal.spared_worth - sum(n * price for n, price in zip(known, goal.prices, strict=False))
+        return relaxation is not None and math.floor(relaxation.bound + _UNSERVED_TOLERANCE) <= worth
 
     def _serve_goal(self, spared: tuple[int, ...]) -> Goal:
         """Of the next ranks as few unserved as can be; one of a higher rank is dearer than all below it."""
@@ -130,6 +141,16 @@ class Search:
             for stream in stream_class.streams:
                 if stream in choices:
                     self.columns.add(number, tuple(sorted(choices[stream])))
+
+    def most_kept(self) -> int:
+        """No plan lets more substreams of the running one go on: what each stream alone could keep, in sum."""
+        prices = Prices(np.zeros(len(self.aggregation.kinds)), 0.0, 1.0)
+        most = 0
+        for stream_class in self.aggregation.classes:
+            if stream_class.kept.any():
+                best = self._pricer.best(stream_class, prices, most=1)
+                most += len(stream_class.streams) * round(best[0].profit if best else 0.0)
+        return most
 
     def solve(self, goal: Goal, gap_limit: float = 0.0, share: float = 1.0) -> Found:
         """The best plan for the goal; stops early at a gap (see Plan) of gap_limit.

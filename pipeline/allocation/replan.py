@@ -27,6 +27,8 @@ from pipeline.logs import Log
 _LOG = Log("allocation")
 #: a fresh plan after an invalid one may take this long, even if the time limit has come
 _LEAST_TIME_S = 1.0
+#: a group of machines may be packed this long even if the time limit has come
+_PACK_S = 0.1
 #: of the time left, the search for the best plan may take so much, and then that for the one that keeps most
 _BEST_SHARE, _KEEP_SHARE = 0.6, 0.7
 
@@ -80,14 +82,14 @@ def replan(
 @dataclass(frozen=True, eq=False)
 class Moved:
     """What a search with the fewest changes found. best: of the best plan, however much it moves. placed: None
-    without a plan. fewest: see Replanned. most: no plan within the loss lets more substreams go on; None if
-    unknown. spared: whether it is proven that no more streams can be served.
+    without a plan. fewest: see Replanned. most: no plan within the loss lets more substreams go on. spared:
+    whether it is proven that no more streams can be served.
     """
 
     best: Found
     placed: tuple[Assignment, ...] | None
     fewest: bool
-    most: int | None
+    most: int
     spared: bool
     search: Search
 
@@ -117,31 +119,39 @@ def moved(
 
     search = begun()
     answer: Moved | None = None
-    most: int | None = None
+    most = search.most_kept()
     while True:
         spared = search.spare(missing(search.aggregation, known)) if spare else True
         best = search.solve(search.value_goal(), share=_BEST_SHARE)
-        late = time.monotonic() > deadline_s
         if best.solution is None:
             return answer or Moved(best, None, False, most, spared, search)
-        before, fewest = told, False
-        placed = place(search.aggregation, search.rows, best, deadline_s=deadline_s)
+        # the answer first, and then the proof: that the best plan can be packed, which the loss refers to
+        chosen, fewest, bound = _fewest(search, best, loss)
+        placed = place(
+            search.aggregation, search.rows, chosen, running, deadline_s=deadline_s, least_s=_PACK_S
+        )
+        packed = place(search.aggregation, search.rows, best, deadline_s=deadline_s, least_s=_PACK_S)
+        attained = not isinstance(packed, Unpacked)
+        displaced = frozenset[str]()
+        if attained and bound is not None:
+            most = min(most, bound)
         if not isinstance(placed, Unpacked):
-            chosen, fewest, bound = (best, False, None) if late else _fewest(search, best, loss)
-            most = bound if most is None else min(most, bound or most)
-            placed = place(search.aggregation, search.rows, chosen, running, deadline_s=deadline_s)
-        if isinstance(placed, Unpacked):
-            if late:
-                return answer or Moved(replace(best, status="unknown"), None, False, most, spared, search)
-            told = tell_apart(search, placed, told)
-        else:
             displaced = _displaced(search.aggregation, placed, running)
-            found = Moved(best, placed, fewest and not displaced, most, spared, search)
-            if answer is None or _kept(found, kept) >= _kept(answer, kept):
+            most_go_on = len(kept_of(placed) & kept) >= most
+            proven = fewest and (most_go_on or (attained and not displaced))
+            found = Moved(best, placed, proven, most, spared, search)
+            if answer is None or proven or _kept(found, kept) >= _kept(answer, kept):
                 answer = found
             answer = replace(answer, most=most)
-            if not displaced or time.monotonic() > deadline_s:
+            if proven or (attained and not displaced):
                 return answer
+        if time.monotonic() > deadline_s:
+            return answer or Moved(replace(best, status="unknown"), None, False, most, spared, search)
+        before = told
+        unpacked = next((one for one in (placed, packed) if isinstance(one, Unpacked)), None)
+        if unpacked is not None:
+            told = tell_apart(search, unpacked, told)
+        else:
             told = Distinctions(told.machines | displaced, told.streams)
         if told != before:
             search = begun()

@@ -15,6 +15,8 @@ from pipeline.errors import NoPlanError
 
 #: one stream alone is placed in some 10 ms
 _LIMIT_S = 1.0
+#: wider than any link, and still exact in whole bits of a cycle
+_WIDE_BPS = 1e13
 
 
 def reason(problem: Problem, stream: str, placed: Sequence[Assignment], *, sure: bool) -> str:
@@ -82,7 +84,9 @@ def _lifted(alone: Problem, stream: str) -> Iterator[tuple[str, Problem]]:
 
 
 def _no_limit(problem: Problem, stream: str) -> dict[tuple[str, str], float]:
-    return {(stream, site): math.inf for site in problem.sites}
+    """Links that are no limit, but still links: an infinite one would be the stream's own site."""
+    links = {(stream, site): problem.link(stream, site) for site in problem.sites}
+    return {pair: max(bps, _WIDE_BPS) for pair, bps in links.items()}
 
 
 def _boundless(problem: Problem) -> tuple[MachineLimit, ...]:
