@@ -1,0 +1,44 @@
+"""What the controller's patience is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class ControllerParams:
+    """Times in seconds, by the clock that ``step`` is given.
+
+    silence_s: an actor unheard for so long is lost; what was promised is that a loss is noticed within 2 s.
+    boot_s: as long may an actor take from its start to its first report.
+    replace_s: a silent actor, which may only be slow, is ended and started again after so long.
+    restart_backoff_s, longest_backoff_s: wait before a start, doubled with every loss of the same actor.
+    restarts: of one actor, at most; a source that is lost more often has ended.
+    reissue_s: an order whose effect was not reported is given again after so long.
+    drain_s: a substream that its source has left is closed after so long, though its end did not come.
+    solve_s: an answer that has not come after so long is asked for again.
+    retry_s: after the solver found nothing or broke, it is asked again so much later.
+    absence_s: after a step that came so much later than the one before, nobody is silent for that time.
+    failures: of one detector on one machine; it is planned with no more after so many.
+    link_worse, worse_s: a link is planned anew once it lets through less than this share of what was planned, for so
+    long. link_better, better_s: and once it lets through so many times as much. link_share: of what a link was
+    measured to let through, so much is planned with.
+    """
+
+    silence_s: float = 1.5
+    boot_s: float = 30.0
+    replace_s: float = 2.0
+    restart_backoff_s: float = 0.25
+    longest_backoff_s: float = 20.0
+    restarts: int = 8
+    reissue_s: float = 0.5
+    drain_s: float = 5.0
+    solve_s: float = 10.0
+    retry_s: float = 1.0
+    absence_s: float = 0.7
+    failures: int = 3
+    link_worse: float = 0.9
+    worse_s: float = 0.4
+    link_better: float = 1.25
+    better_s: float = 5.0
+    link_share: float = 0.9

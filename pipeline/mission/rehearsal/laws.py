@@ -1,0 +1,162 @@
+"""What must hold of every rehearsal, whatever went wrong in it. A breach is a line that says what does not hold."""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from pipeline.mission.controller.recorded import replay
+from pipeline.mission.controller.state import begin
+from pipeline.mission.controller.substreams import Substream
+from pipeline.mission.rehearsal.rehearse import Rehearsal
+
+#: a loss is noticed within so long
+NOTICED_S = 2.0
+
+
+@dataclass(frozen=True)
+class LawParams:
+    """end_s: the mission ends at most so long after its last frame. quiet_s: from then on nothing is wrong any more.
+
+    served: share of the frames from quiet_s on that are looked at, of streams that the plan serves.
+    """
+
+    quiet_s: float
+    end_s: float = 25.0
+    served: float = 0.9
+
+
+def breaches(rehearsal: Rehearsal, params: LawParams) -> list[str]:
+    """Every law that does not hold of a rehearsal that was played."""
+    laws = (_ends, _fates, _safe, _looks, _ready, _memory, _noticed, _served, _replayed)
+    return [f"{law.__name__[1:]}: {breach}" for law in laws for breach in law(rehearsal, params)]
+
+
+def _ends(rehearsal: Rehearsal, params: LawParams) -> Iterator[str]:
+    """The mission ends."""
+    last_s = rehearsal.ticks / rehearsal.problem.frame_rate_hz
+    if not rehearsal.is_over:
+        yield f"not over {rehearsal.timeline.now - last_s:.1f} s after the last frame"
+    elif rehearsal.timeline.now > last_s + params.end_s:
+        yield f"over only {rehearsal.timeline.now - last_s:.1f} s after the last frame"
+
+
+def fates(rehearsal: Rehearsal, stream: str) -> dict[int, str]:
+    """What became of each frame of a stream: ``processed``, or why not; ``in flight`` if nobody can say."""
+    disk = rehearsal.reducer.disk
+    source = rehearsal.sources[stream]
+    results: dict[int, dict[Substream, str]] = defaultdict(dict)
+    for key, kept in disk.items():
+        for result in kept.results.values() if key.stream == stream else ():
+            results[result.tick][key] = result.dropped or "processed"
+    found: dict[int, str] = {}
+    for tick in range(rehearsal.ticks):
+        if tick in source.sent:
+            of_tick = [results[tick].get(key) or _lost(rehearsal, key) for key in source.sent[tick]]
+            found[tick] = "processed" if "processed" in of_tick else of_tick[0]
+        else:
+            found[tick] = source.dropped.get(tick, "source_lost")
+    return found
+
+
+def _lost(rehearsal: Rehearsal, key: Substream) -> str:
+    kept = rehearsal.reducer.disk.get(key)
+    return "in flight" if kept is None or kept.closed is None else f"lost: {kept.closed}"
+
+
+def _fates(rehearsal: Rehearsal, params: LawParams) -> Iterator[str]:
+    """captured = processed + dropped + in flight, and at the end nothing is in flight or lost without a cause."""
+    for stream, source in rehearsal.sources.items():
+        counts = Counter(fates(rehearsal, stream).values())
+        if set(source.sent) & set(source.dropped):
+            yield f"{stream}: frames both sent and dropped"
+        for fate in ("in flight", "lost: ended", "lost: not_used"):
+            if counts[fate]:
+                yield f"{stream}: {counts[fate]} frames {fate}"
+        faulted = any(f.target in (source.name, "scheduler") for f in rehearsal.faults)
+        if counts["source_lost"] and not faulted:
+            yield f"{stream}: {counts['source_lost']} frames lost with a source that was well"
+
+
+def _safe(rehearsal: Rehearsal, params: LawParams) -> Iterator[str]:
+    """What was acknowledged is on the disk."""
+    for key, sequences in rehearsal.noted.acknowledged.items():
+        kept = rehearsal.reducer.disk[key]
+        missing = {s for s in sequences if s not in kept.results and s != kept.ends}
+        if missing:
+            yield f"{key}: {len(missing)} acknowledged messages are not on the disk"
+
+
+def _looks(rehearsal: Rehearsal, params: LawParams) -> Iterator[str]:
+    """A frame is looked at by at most detPerFrame detectors, and by each at most once."""
+    most = rehearsal.problem.detectors_per_frame
+    looks: Counter[tuple[str, int]] = Counter()
+    by_detector: Counter[tuple[str, str, int]] = Counter()
+    for key, kept in rehearsal.reducer.disk.items():
+        for result in kept.results.values():
+            if result.dropped is None:
+                looks[key.stream, result.tick] += 1
+                by_detector[key.stream, key.detector, result.tick] += 1
+    yield from (f"{stream} frame {tick}: {n} looks" for (stream, tick), n in looks.items() if n > most)
+    yield from (
+        f"{stream} frame {tick}: {d} looked {n} times"
+        for (stream, d, tick), n in by_detector.items()
+        if n > 1
+    )
+
+
+def _ready(rehearsal: Rehearsal, params: LawParams) -> Iterator[str]:
+    """No packet comes before its detector is warm."""
+    yield from (
+        f"{m.name}: {m.too_early} packets too early" for m in rehearsal.machines.values() if m.too_early
+    )
+
+
+def _memory(rehearsal: Rehearsal, params: LawParams) -> Iterator[str]:
+    """No machine ever holds more than it has memory for."""
+    for limit in rehearsal.problem.machines:
+        held = rehearsal.machines[limit.id].most_bytes
+        if held > limit.memory_bytes * (1.0 + 1e-9):
+            yield f"{limit.id}: held {held:g} of {limit.memory_bytes:g} bytes"
+
+
+def _noticed(rehearsal: Rehearsal, params: LawParams) -> Iterator[str]:
+    """Whoever was killed or stopped while up is said to be lost in time, as long as the scheduler was well."""
+    blind = [f.at_s for f in rehearsal.faults if f.target == "scheduler"]
+    lost = [(at_s, say.subject) for at_s, say in rehearsal.noted.said if say.what == "lost"]
+    for fault in rehearsal.noted.struck:
+        if fault.kind == "stop" and fault.duration_s < NOTICED_S:
+            continue
+        if any(-8.0 < at_s - fault.at_s < NOTICED_S for at_s in blind):
+            continue
+        if not any(
+            0.0 <= at_s - fault.at_s <= NOTICED_S for at_s, subject in lost if subject == fault.target
+        ):
+            yield f"{fault} was not noticed"
+
+
+def _served(rehearsal: Rehearsal, params: LawParams) -> Iterator[str]:
+    """When all is well again, what can be looked at is looked at."""
+    rate_hz, ticks = rehearsal.problem.frame_rate_hz, rehearsal.ticks
+    first, last = round(params.quiet_s * rate_hz), ticks - round(rate_hz)
+    for name, stream in rehearsal.scheduler.state.streams.items():
+        if stream.unserved is not None or stream.source.life == "lost":
+            continue
+        of_stream = fates(rehearsal, name)
+        seen = sum(of_stream[tick] == "processed" for tick in range(first, last))
+        if seen < params.served * (last - first):
+            rest = Counter(of_stream[tick] for tick in range(first, last))
+            yield f"{name}: {seen} of {last - first} frames looked at when all was well: {dict(rest)}"
+
+
+def _replayed(rehearsal: Rehearsal, params: LawParams) -> Iterator[str]:
+    """The log, played again, gives the same orders and the same state."""
+    scheduler = rehearsal.scheduler
+    try:
+        state = replay(begin(rehearsal.problem, 0.0, scheduler.state.params), scheduler.log)
+    except ValueError as error:
+        yield str(error)
+        return
+    if scheduler.alive and state != scheduler.state:
+        yield "another state"

@@ -1,0 +1,56 @@
+"""The model of the scheduler: it hosts the controller, and finds its state again by its log."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+from pipeline.allocation.problem import Problem
+from pipeline.mission.controller.controller import step
+from pipeline.mission.controller.events import Elapsed, Event, NotSolved, Solved
+from pipeline.mission.controller.orders import Order, Solve
+from pipeline.mission.controller.params import ControllerParams
+from pipeline.mission.controller.recorded import Recorded, replay
+from pipeline.mission.controller.state import MissionState, begin
+from pipeline.mission.rehearsal.process import Process
+from pipeline.mission.rehearsal.timeline import Timeline
+
+ELAPSED_S = 0.1
+#: how long the solver works, in virtual time
+SOLVE_S = 0.2
+
+
+class ModelScheduler(Process):
+    """log: every event with its time, and the orders it gave; on the disk before an order leaves."""
+
+    def __init__(
+        self,
+        problem: Problem,
+        timeline: Timeline,
+        solver: Callable[[Solve], Solved | NotSolved],
+        carry_out: Callable[[Order], None],
+        params: ControllerParams,
+    ) -> None:
+        super().__init__("scheduler", timeline)
+        self.log: list[Recorded] = []
+        self.state: MissionState = begin(problem, 0.0, params)
+        self._problem, self._params = problem, params
+        self._solver, self._carry_out = solver, carry_out
+
+    def start(self, incarnation: int) -> None:
+        """A new process reads the log."""
+        super().start(incarnation)
+        self.state = replay(begin(self._problem, 0.0, self._params), self.log)
+        self.every(ELAPSED_S, lambda: self.hear(Elapsed()))
+
+    def hear(self, event: Event) -> None:
+        """Take an event and carry out what follows from it."""
+        now = self.timeline.now
+        self.state, orders = step(self.state, event, now)
+        self.log.append(Recorded(now, event, tuple(orders)))
+        for order in orders:
+            if isinstance(order, Solve):
+                answer = self._solver(order)
+                self.after(SOLVE_S, partial(self.hear, answer))
+            else:
+                self._carry_out(order)
