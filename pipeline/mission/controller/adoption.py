@@ -13,11 +13,11 @@ from pipeline.mission.controller.substreams import Opened
 
 
 def adopt(state: MissionState, answer: Solved, situation: Situation) -> tuple[MissionState, list[Order]]:
-    """Want what was planned, less what was lost while the solver worked; the next question is asked for that."""
+    """Want what was planned. What was lost while the solver worked will not become ready; it is planned for next."""
     said: list[Order] = []
     why_not = {unserved.stream: unserved.reason for unserved in answer.unserved}
     for name in situation.streams:
-        assignments = [a for a in answer.assignments if a.stream == name and _is_usable(state, a, situation)]
+        assignments = [a for a in answer.assignments if a.stream == name]
         before = state.streams[name]
         state = _want(state, name, assignments)
         reason = why_not.get(name)
@@ -25,11 +25,6 @@ def adopt(state: MissionState, answer: Solved, situation: Situation) -> tuple[Mi
             said.append(Say("unserved", name, reason) if reason else Say("served again", name))
         state = with_stream(state, name, replace(state.streams[name], unserved=reason))
     return state, said
-
-
-def _is_usable(state: MissionState, assignment: Assignment, situation: Situation) -> bool:
-    machine = state.machines.get(assignment.machine)
-    return machine is not None and machine.peer.is_up and assignment.detector not in situation.barred
 
 
 def _want(state: MissionState, name: str, assignments: list[Assignment]) -> MissionState:

@@ -84,17 +84,21 @@ def _take(state: MissionState, event: Event, now: float) -> Step:
 def _answered(state: MissionState, answer: Solved, now: float) -> Step:
     """Take an answer to the question that stands; others are to questions that were given up."""
     asked = state.asked
-    if asked is None or asked.request != answer.request:
+    if asked is None or not _is_to(asked, answer):
         return state, []
     assert isinstance(asked.situation, Situation)
     after = None if answer.final else replace(asked, at_s=math.inf)
     return adopt(replace(state, asked=after, situation=asked.situation), answer, situation_of(state))
 
 
+def _is_to(asked: Asked, answer: Solved | NotSolved) -> bool:
+    return asked.request == answer.request
+
+
 def _not_answered(state: MissionState, event: NotSolved, now: float) -> Step:
     """What runs goes on; the question is asked again after a while."""
     asked, params = state.asked, state.params
-    if asked is None or asked.request != event.request:
+    if asked is None or not _is_to(asked, event):
         return state, []
     again = replace(asked, at_s=now - params.solve_s + params.retry_s)
     return replace(state, asked=again), [Say("not planned", "scheduler", event.reason)]
@@ -135,7 +139,9 @@ def _changed(state: MissionState, event: ProblemChanged, now: float) -> Step:
     }
     removed = [key for key, k in state.known.items() if k.opened.machine not in machines]
     state = without(state, removed, "machine_removed")
-    state = replace(state, problem=problem, machines=machines, streams=streams, links=links, situation=None)
+    state = replace(
+        state, problem=problem, machines=machines, streams=streams, links=links, asked=None, situation=None
+    )
     return state, [Say("inventory changed", "mission")]
 
 
@@ -190,14 +196,14 @@ def _tell(state: MissionState, held: Mapping[str, Holding], now: float) -> Step:
 
     for name, machine in state.machines.items():
         if machine.peer.is_up:
-            run = Run(name, held[name].substreams)
+            run = _run(name, held[name], machine.peer.incarnation, given.get(machine_actor(name)))
             give(machine_actor(name), run, {o.key for o in run.substreams} == machine.report.running)
     for name, stream in state.streams.items():
         epoch = stream.standing
         if stream.source.is_up and not stream.ended and epoch is not None:
             give(
                 source_actor(name),
-                Send(epoch, stream.over),
+                Send(epoch, stream.over, stream.source.incarnation),
                 stream.reported == epoch.number and not stream.over,
             )
     if state.reducer.peer.is_up:
@@ -207,6 +213,16 @@ def _tell(state: MissionState, held: Mapping[str, Holding], now: float) -> Step:
         if _is_over(state) and not state.finished:
             give("finish", Finish(), False)
     return replace(state, given=given), orders
+
+
+def _run(machine: str, held: Holding, incarnation: int, last: Given | None) -> Run:
+    """The last order again if it says the same, or the next one."""
+    before = last.order if last is not None else None
+    if not isinstance(before, Run):
+        return Run(machine, held.substreams, incarnation)
+    if before.substreams == held.substreams:
+        return before
+    return Run(machine, held.substreams, incarnation, before.number + 1)
 
 
 def _expect(state: MissionState) -> Expect:

@@ -20,10 +20,15 @@ class Solve:
 
 @dataclass(frozen=True)
 class Run:
-    """The substreams that a machine should hold, and no others."""
+    """The substreams that a machine should hold, and no others.
+
+    incarnation: of the process that this is for. number: of the order; one that comes after a higher one is void.
+    """
 
     machine: str
     substreams: tuple[Opened, ...]
+    incarnation: int = 0
+    number: int = 0
 
 
 @dataclass(frozen=True)
@@ -31,11 +36,13 @@ class Send:
     """What a source should follow from its next tick on.
 
     Substreams that the epoch before had too go on; new ones begin with a key frame; the others get their end.
-    over: send the end of all and capture no more.
+    over: send the end of all and capture no more. incarnation: of the process that this is for; an epoch that comes
+    after one with a higher number is void.
     """
 
     epoch: PlanEpoch
     over: bool = False
+    incarnation: int = 0
 
 
 @dataclass(frozen=True)

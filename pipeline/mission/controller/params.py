@@ -33,7 +33,7 @@ class ControllerParams:
     restarts: int = 8
     reissue_s: float = 0.5
     drain_s: float = 5.0
-    solve_s: float = 10.0
+    solve_s: float = 5.0
     retry_s: float = 1.0
     absence_s: float = 0.7
     failures: int = 3

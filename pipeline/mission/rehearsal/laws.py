@@ -13,23 +13,43 @@ from pipeline.mission.rehearsal.rehearse import Rehearsal
 
 #: a loss is noticed within so long
 NOTICED_S = 2.0
+#: so long a source may not have heard that a substream is closed
+VOID_S = 1.5
 
 
 @dataclass(frozen=True)
 class LawParams:
     """end_s: the mission ends at most so long after its last frame. quiet_s: from then on nothing is wrong any more.
 
-    served: share of the frames from quiet_s on that are looked at, of streams that the plan serves.
+    served: share of the frames from quiet_s on that are looked at, of streams that the plan serves. replayed: whether
+    the log is played again, which takes as long as the rehearsal.
     """
 
     quiet_s: float
     end_s: float = 25.0
     served: float = 0.9
+    replayed: bool = True
 
 
 def breaches(rehearsal: Rehearsal, params: LawParams) -> list[str]:
     """Every law that does not hold of a rehearsal that was played."""
-    laws = (_ends, _fates, _safe, _looks, _ready, _memory, _noticed, _served, _replayed)
+    laws = (
+        _ends,
+        _fates,
+        _causes,
+        _safe,
+        _final,
+        _crashed,
+        _looks,
+        _ready,
+        _memory,
+        _noticed,
+        _restarts,
+        _not_into_the_void,
+        _followed,
+        _served,
+        _replayed,
+    )
     return [f"{law.__name__[1:]}: {breach}" for law in laws for breach in law(rehearsal, params)]
 
 
@@ -77,6 +97,26 @@ def _fates(rehearsal: Rehearsal, params: LawParams) -> Iterator[str]:
         faulted = any(f.target in (source.name, "scheduler") for f in rehearsal.faults)
         if counts["source_lost"] and not faulted:
             yield f"{stream}: {counts['source_lost']} frames lost with a source that was well"
+
+
+def _causes(rehearsal: Rehearsal, params: LawParams) -> Iterator[str]:
+    """No frame is lost behind a source whose own machine, link and process were well."""
+    hit = {fault.target for fault in rehearsal.faults}
+    site_of = {d.id: (d.machine, d.site) for d in rehearsal.problem.detectors}
+    for key, kept in rehearsal.reducer.disk.items():
+        machine, site = site_of[key.detector]
+        if hit & {f"machine:{machine}", f"source:{key.stream}", f"{key.stream}>{site}"}:
+            continue
+        sent = sum(key in keys for keys in rehearsal.sources[key.stream].sent.values())
+        if len(kept.results) < sent:
+            yield f"{key}: {sent - len(kept.results)} of {sent} frames lost, {kept.closed}, though nothing was wrong"
+
+
+def _final(rehearsal: Rehearsal, params: LawParams) -> Iterator[str]:
+    """What was counted as lost when a substream was closed is never taken afterwards."""
+    for key, kept in rehearsal.reducer.disk.items():
+        if kept.closed is not None and kept.counted != len(kept.results):
+            yield f"{key}: {len(kept.results)} results, {kept.counted} when it was closed"
 
 
 def _safe(rehearsal: Rehearsal, params: LawParams) -> Iterator[str]:
@@ -136,6 +176,45 @@ def _noticed(rehearsal: Rehearsal, params: LawParams) -> Iterator[str]:
             yield f"{fault} was not noticed"
 
 
+def _crashed(rehearsal: Rehearsal, params: LawParams) -> Iterator[str]:
+    """A substream whose detector broke says so; with a scheduler that was away, another reason may come first."""
+    if any(f.target == "scheduler" for f in rehearsal.faults):
+        return
+    for key in rehearsal.noted.crashed:
+        kept = rehearsal.reducer.disk.get(key)
+        if kept is not None and kept.closed not in ("detector_failed", "machine_lost", "ended", "not_used"):
+            yield f"{key}: its detector crashed, it was closed as {kept.closed}"
+
+
+def _restarts(rehearsal: Rehearsal, params: LawParams) -> Iterator[str]:
+    """No process is replaced without a cause."""
+    causes = Counter(f.target for f in rehearsal.faults if f.kind in ("kill", "stop"))
+    for actor, count in Counter(actor for _, actor in rehearsal.noted.restarts).items():
+        for_good = any(f.kind == "kill" and f.target == actor for f in rehearsal.faults)
+        if count > causes[actor] and not (actor.startswith("machine:") and for_good):
+            yield f"{actor}: started again {count} times, {causes[actor]} faults"
+
+
+def _not_into_the_void(rehearsal: Rehearsal, params: LawParams) -> Iterator[str]:
+    """Nobody sends for long into a substream that is closed, as long as scheduler and source are well."""
+    for stream, source in rehearsal.sources.items():
+        blind = [f.at_s for f in rehearsal.faults if f.target in ("scheduler", source.name)]
+        for tick, keys in source.sent.items():
+            for closed_s in (rehearsal.reducer.disk[k].closed_s for k in keys if k in rehearsal.reducer.disk):
+                late_s = tick / rehearsal.problem.frame_rate_hz - closed_s
+                if late_s > VOID_S and not any(-8.0 < at_s - closed_s < late_s for at_s in blind):
+                    yield f"{stream} frame {tick}: sent into what was closed at {closed_s:.1f} s"
+
+
+def _followed(rehearsal: Rehearsal, params: LawParams) -> Iterator[str]:
+    """When all is well again, every source follows what the plan wants."""
+    state = rehearsal.noted.states.get(params.quiet_s)
+    for name, stream in state.streams.items() if state is not None else ():
+        standing = stream.standing.substreams if stream.standing else ()
+        if not stream.ended and (standing != stream.wanted or len(stream.given) > 1):
+            yield f"{name}: follows {standing}, wanted is {stream.wanted}"
+
+
 def _served(rehearsal: Rehearsal, params: LawParams) -> Iterator[str]:
     """When all is well again, what can be looked at is looked at."""
     rate_hz, ticks = rehearsal.problem.frame_rate_hz, rehearsal.ticks
@@ -153,6 +232,8 @@ def _served(rehearsal: Rehearsal, params: LawParams) -> Iterator[str]:
 def _replayed(rehearsal: Rehearsal, params: LawParams) -> Iterator[str]:
     """The log, played again, gives the same orders and the same state."""
     scheduler = rehearsal.scheduler
+    if not params.replayed:
+        return
     try:
         state = replay(begin(rehearsal.problem, 0.0, scheduler.state.params), scheduler.log)
     except ValueError as error:

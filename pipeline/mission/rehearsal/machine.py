@@ -15,7 +15,6 @@ from pipeline.mission.rehearsal.process import Process
 from pipeline.mission.rehearsal.timeline import Timeline
 
 REPORT_S = 0.25
-LOAD_S = 0.6
 QUEUE = 32
 RESEND_S = 0.5
 EXECUTION_SHARE = 0.8
@@ -45,15 +44,18 @@ class ModelMachine(Process):
         *,
         memory_of: Callable[[str], float],
         rate_hz: float,
+        load_s: Callable[[], float],
     ) -> None:
         super().__init__(f"machine:{machine}", timeline)
         self.machine = machine
         self.most_bytes = 0.0
         self.too_early = 0
         self._report, self._send, self._memory_of, self._rate_hz = report, send, memory_of, rate_hz
+        self._load_s = load_s
         self._held: dict[Substream, _Held] = {}
         self._loaded: dict[tuple[str, str], bool] = {}
         self._failed: list[FailedSubstream] = []
+        self._order = 0
 
     def start(self, incarnation: int) -> None:
         """A new process holds nothing."""
@@ -65,7 +67,12 @@ class ModelMachine(Process):
 
     def run(self, order: Run) -> None:
         """Drop what is not wanted, then load what is."""
-        wanted = {o.key: o for o in order.substreams}
+        if order.incarnation != self.incarnation or order.number < self._order:
+            return
+        self._order = order.number
+        # what broke does not come back under its name: an order may have been given before that was known
+        broken = {failed.substream for failed in self._failed}
+        wanted = {o.key: o for o in order.substreams if o.key not in broken}
         self._held = {key: held for key, held in self._held.items() if key in wanted}
         instances = {key.instance for key in wanted}
         self._loaded = {i: ready for i, ready in self._loaded.items() if i in instances}
@@ -73,7 +80,7 @@ class ModelMachine(Process):
             self._held.setdefault(key, _Held(opened))
             if key.instance not in self._loaded:
                 self._loaded[key.instance] = False
-                self.after(LOAD_S, partial(self._is_loaded, key.instance))
+                self.after(self._load_s(), partial(self._is_loaded, key.instance))
         self.most_bytes = max(self.most_bytes, sum(self._memory_of(d) for _, d in self._loaded))
         self.report()
 
@@ -94,16 +101,18 @@ class ModelMachine(Process):
             for sequence in sequences:
                 held.unsafe.pop(sequence, None)
 
-    def break_detector(self, number: int) -> None:
-        """One of its detectors crashes."""
+    def break_detector(self, number: int) -> list[Substream]:
+        """One of its detectors crashes; the substreams that it had."""
         keys = sorted(self._held)
-        if keys:
-            key = keys[number % len(keys)]
+        instance = keys[number % len(keys)].instance if keys else None
+        broken = [key for key in keys if key.instance == instance]
+        for key in broken:
             del self._held[key]
-            if key.instance not in {k.instance for k in self._held}:
-                self._loaded.pop(key.instance, None)
             self._failed.append(FailedSubstream(key, "crashed"))
+        if instance is not None:
+            self._loaded.pop(instance, None)
             self.report()
+        return broken
 
     def report(self) -> None:
         """Say what it holds; failures are said again and again, and counted once by who hears of them."""
@@ -114,6 +123,7 @@ class ModelMachine(Process):
 
     def _forget(self) -> None:
         self._held, self._loaded, self._failed = {}, {}, []
+        self._order = 0
 
     def _is_loaded(self, instance: tuple[str, str]) -> None:
         if instance in self._loaded:

@@ -18,28 +18,33 @@ class Process:
         self.timeline = timeline
         self.incarnation = 0
         self.alive = False
-        self.stopped = False
+        self._stops = 0
         self._waiting: list[tuple[int, Callable[[], None]]] = []
+
+    @property
+    def stopped(self) -> bool:
+        """Whether it runs no more, but may go on."""
+        return self._stops > 0
 
     def start(self, incarnation: int) -> None:
         """A new process, without memory."""
-        self.incarnation, self.alive, self.stopped = incarnation, True, False
+        self.incarnation, self.alive, self._stops = incarnation, True, 0
         self._waiting = []
 
     def kill(self) -> None:
         """The process ends, and what it knew with it."""
-        self.alive, self.stopped = False, False
+        self.alive, self._stops = False, 0
         self._waiting = []
 
     def stop(self) -> None:
         """It runs no more, but keeps its memory."""
-        self.stopped = self.alive
+        self._stops += self.alive
 
     def go_on(self) -> None:
-        """What should have happened meanwhile happens now, in its order."""
-        if not self.stopped:
+        """Once nobody stops it any more, what should have happened meanwhile happens, in its order."""
+        self._stops = max(self._stops - 1, 0)
+        if self.stopped:
             return
-        self.stopped = False
         waiting, self._waiting = self._waiting, []
         for incarnation, act in waiting:
             self._do(incarnation, act)

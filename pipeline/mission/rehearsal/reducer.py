@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -18,11 +19,21 @@ COMMIT_S = 0.05
 
 @dataclass
 class Kept:
-    """What the reducer knows of one substream. ends: how many packets it has, once that is known."""
+    """What the reducer knows of one substream.
+
+    ends: how many packets it has, once that is known. closed, closed_s: why and when. counted: results it had then.
+    """
 
     results: dict[int, Result] = field(default_factory=dict)
     ends: int | None = None
     closed: str | None = None
+    closed_s: float = math.inf
+    counted: int = 0
+
+    def close(self, reason: str, now: float) -> None:
+        """Take no more; what is missing is counted as lost from now on."""
+        if self.closed is None:
+            self.closed, self.closed_s, self.counted = reason, now, len(self.results)
 
 
 class ModelReducer(Process):
@@ -54,8 +65,7 @@ class ModelReducer(Process):
         for key in order.open:
             self.disk.setdefault(key, Kept())
         for close in order.close:
-            kept = self.disk.setdefault(close.substream, Kept())
-            kept.closed = kept.closed or close.reason
+            self.disk.setdefault(close.substream, Kept()).close(close.reason, self.timeline.now)
         self.report()
 
     def take(self, message: Result | ResultEnd) -> None:
@@ -63,7 +73,7 @@ class ModelReducer(Process):
         kept = self.disk.get(message.substream)
         if kept is not None and self._is_taken(kept, message):
             self._acknowledge(message.substream, [message.sequence])
-        elif kept is not None and kept.closed is None:
+        elif kept is not None and self._is_open(kept):
             self._unwritten.append(message)
 
     def report(self) -> None:
@@ -75,11 +85,15 @@ class ModelReducer(Process):
     def _is_taken(kept: Kept, message: Result | ResultEnd) -> bool:
         return kept.ends is not None if isinstance(message, ResultEnd) else message.sequence in kept.results
 
+    @staticmethod
+    def _is_open(kept: Kept) -> bool:
+        return kept.closed is None
+
     def _commit(self) -> None:
         unwritten, self._unwritten = self._unwritten, []
         for message in unwritten:
             kept = self.disk[message.substream]
-            if kept.closed is not None:
+            if not self._is_open(kept):
                 continue
             if isinstance(message, ResultEnd):
                 kept.ends = message.sequence
@@ -87,4 +101,4 @@ class ModelReducer(Process):
                 kept.results.setdefault(message.sequence, message)
             self._acknowledge(message.substream, [message.sequence])
             if kept.ends is not None and len(kept.results) == kept.ends:
-                kept.closed = "ended"
+                kept.close("ended", self.timeline.now)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -13,6 +13,7 @@ from pipeline.allocation.problem import Problem
 from pipeline.mission.controller.events import Event, Gone, NotSolved, Solved
 from pipeline.mission.controller.orders import Expect, Finish, Order, Restart, Run, Say, Send, Solve
 from pipeline.mission.controller.params import ControllerParams
+from pipeline.mission.controller.state import MissionState
 from pipeline.mission.controller.substreams import Substream
 from pipeline.mission.rehearsal.chaos import Fault
 from pipeline.mission.rehearsal.link import ModelLink
@@ -30,12 +31,16 @@ class NetworkParams:
     """Of messages of control, and of results: delay from delay_s[0] to delay_s[1], loss: share that never comes.
 
     boot_s: from the order to start a process to its first word. gone_s: until the end of a process is noticed.
+    load_s: of a network into the memory of a machine. solve_s: what the solver takes; unanswered: how often it dies.
     """
 
     delay_s: tuple[float, float] = (0.001, 0.05)
     loss: float = 0.02
     boot_s: tuple[float, float] = (0.3, 1.5)
     gone_s: tuple[float, float] = (0.05, 0.4)
+    load_s: tuple[float, float] = (0.2, 2.0)
+    solve_s: tuple[float, float] = (0.05, 1.0)
+    unanswered: float = 0.05
     own_site_bps: float = 1e9
 
 
@@ -43,13 +48,16 @@ class NetworkParams:
 class Noted:
     """acknowledged: by substream, what the reducer said is safe. said: every line, with its time.
 
-    struck: faults of actors that the controller counted on at that moment.
+    struck: faults of actors that the controller counted on at that moment. crashed: substreams whose detector broke.
+    states: of the controller, by time.
     """
 
     acknowledged: dict[Substream, set[int]] = field(default_factory=dict)
     said: list[tuple[float, Say]] = field(default_factory=list)
     restarts: list[tuple[float, str]] = field(default_factory=list)
     struck: list[Fault] = field(default_factory=list)
+    crashed: list[Substream] = field(default_factory=list)
+    states: dict[float, MissionState] = field(default_factory=dict)
 
 
 class Rehearsal:
@@ -61,7 +69,7 @@ class Rehearsal:
     def __init__(
         self,
         problem: Problem,
-        solver: Callable[[Solve], Solved | NotSolved],
+        solver: Callable[[Solve], Sequence[Solved | NotSolved]],
         *,
         ticks: int,
         faults: tuple[Fault, ...] = (),
@@ -74,7 +82,12 @@ class Rehearsal:
         self._rng, self._network = np.random.default_rng(seed), network or NetworkParams()
         self._impossible_until: dict[str, float] = {}
         self.scheduler = ModelScheduler(
-            problem, self.timeline, solver, self._carry_out, params or ControllerParams()
+            problem,
+            self.timeline,
+            solver,
+            self._carry_out,
+            params or ControllerParams(),
+            self._solve_s,
         )
         self.reducer = ModelReducer(self.timeline, self._report, self._acknowledge)
         memory = {d.id: d.memory_bytes for d in problem.detectors}
@@ -86,18 +99,24 @@ class Rehearsal:
                 self._result,
                 memory_of=memory.__getitem__,
                 rate_hz=problem.frame_rate_hz,
+                load_s=lambda: self._delay_s(self._network.load_s),
             )
             for m in problem.machines
         }
         self.sources = {v: self._source(v) for v in problem.streams}
 
-    def run(self, until_s: float) -> None:
-        """Play it to its end, or to a time."""
+    def run(self, until_s: float, note_s: tuple[float, ...] = ()) -> None:
+        """Play it to its end, or to a time. note_s: when the controller's state is noted."""
+        for at_s in note_s:
+            self.timeline.at(at_s, partial(self._note, at_s))
         for process in self._processes().values():
             process.start(0)
         for fault in self.faults:
             self.timeline.at(fault.at_s, partial(self._strike, fault))
         self.timeline.run(until_s, lambda: self.is_over)
+
+    def _note(self, at_s: float) -> None:
+        self.noted.states[at_s] = self.scheduler.state
 
     @property
     def is_over(self) -> bool:
@@ -133,6 +152,10 @@ class Rehearsal:
 
     def _delay_s(self, between: tuple[float, float]) -> float:
         return float(self._rng.uniform(*between))
+
+    def _solve_s(self) -> float:
+        dies = self._rng.random() < self._network.unanswered
+        return math.inf if dies else self._delay_s(self._network.solve_s)
 
     def _report(self, event: Event) -> None:
         self._carried(lambda: self.scheduler.receive(lambda: self.scheduler.hear(event)))
@@ -196,14 +219,14 @@ class Rehearsal:
             self.noted.struck.append(fault)
         if fault.kind == "crash":
             machine = self.machines[fault.target.partition(":")[2]]
-            machine.receive(lambda: machine.break_detector(int(fault.number)))
-        elif fault.kind == "stop":
+            machine.receive(lambda: self.noted.crashed.extend(machine.break_detector(int(fault.number))))
+        elif fault.kind == "stop" and process.alive:
             process.stop()
             incarnation = process.incarnation
             self.timeline.after(
                 fault.duration_s, lambda: process.go_on() if process.incarnation == incarnation else None
             )
-        elif process.alive:
+        elif fault.kind == "kill" and process.alive:
             self._kill(process, fault)
 
     def _is_up(self, actor: str) -> bool:

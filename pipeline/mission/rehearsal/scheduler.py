@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 
 from pipeline.allocation.problem import Problem
@@ -16,26 +16,27 @@ from pipeline.mission.rehearsal.process import Process
 from pipeline.mission.rehearsal.timeline import Timeline
 
 ELAPSED_S = 0.1
-#: how long the solver works, in virtual time
-SOLVE_S = 0.2
 
 
 class ModelScheduler(Process):
-    """log: every event with its time, and the orders it gave; on the disk before an order leaves."""
+    """solver: gives one answer after the other; the last one is final.
+
+    log: every event with its time, and the orders it gave; on the disk before an order leaves."""
 
     def __init__(
         self,
         problem: Problem,
         timeline: Timeline,
-        solver: Callable[[Solve], Solved | NotSolved],
+        solver: Callable[[Solve], Sequence[Solved | NotSolved]],
         carry_out: Callable[[Order], None],
         params: ControllerParams,
+        solve_s: Callable[[], float],
     ) -> None:
         super().__init__("scheduler", timeline)
         self.log: list[Recorded] = []
         self.state: MissionState = begin(problem, 0.0, params)
         self._problem, self._params = problem, params
-        self._solver, self._carry_out = solver, carry_out
+        self._solver, self._carry_out, self._solve_s = solver, carry_out, solve_s
 
     def start(self, incarnation: int) -> None:
         """A new process reads the log."""
@@ -50,7 +51,9 @@ class ModelScheduler(Process):
         self.log.append(Recorded(now, event, tuple(orders)))
         for order in orders:
             if isinstance(order, Solve):
-                answer = self._solver(order)
-                self.after(SOLVE_S, partial(self.hear, answer))
+                delay_s = 0.0
+                for answer in self._solver(order):
+                    delay_s += self._solve_s()
+                    self.after(delay_s, partial(self.hear, answer))
             else:
                 self._carry_out(order)

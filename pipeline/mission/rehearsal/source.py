@@ -61,7 +61,7 @@ class ModelSource(Process):
 
     def send(self, order: Send) -> None:
         """Follow another epoch from the next frame on."""
-        if self._ended:
+        if self._ended or order.incarnation != self.incarnation:
             return
         if order.epoch.number > self._epoch.number:
             self._follow(order.epoch)
