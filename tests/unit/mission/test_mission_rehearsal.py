@@ -18,6 +18,7 @@ from pipeline.mission.rehearsal.machine import ModelMachine
 from pipeline.mission.rehearsal.reducer import ModelReducer
 from pipeline.mission.rehearsal.rehearse import NetworkParams, Rehearsal
 from pipeline.mission.rehearsal.source import ModelSource
+from pipeline.mission.solving import answers
 from tests.rehearsals import LAWS, broken_laws, quick_plan, rehearsed, restless_plan
 
 #: of the seeds by which a safeguard that is taken away has to be found out
@@ -49,6 +50,18 @@ def test_all_laws_but_those_of_time_hold_on_a_network_that_delays_and_loses(firs
         for seed in range(first, first + 20)
         if (found := [b for b in broken_laws(seed, network=ROUGH) if not b.startswith(IN_TIME)])
     }
+    assert not broken
+
+
+def test_all_laws_hold_with_the_real_planner_and_every_plan_of_it_is_valid() -> None:
+    def plan(order: Solve) -> tuple[Solved, ...]:
+        found = tuple(answers(order, priorities={}, loss=0.01))
+        for answer in found:
+            served = {a.stream for a in answer.assignments}
+            assert served.isdisjoint(unserved.stream for unserved in answer.unserved)
+        return found
+
+    broken = {seed: found for seed in range(2000, 2006) if (found := broken_laws(seed, solver=plan))}
     assert not broken
 
 
