@@ -11,6 +11,7 @@ from prometheus_client import CollectorRegistry, start_http_server
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, HistogramMetricFamily, Metric
 from prometheus_client.registry import Collector
 
+from actors.machine import MachineStatus
 from actors.reducer import ReducerStatus
 from actors.source import SourceStatus
 from pipeline.allocation.plan import Plan
@@ -28,6 +29,7 @@ class Snapshot:
     sources: Mapping[str, SourceStatus] = field(default_factory=dict)
     reducer: ReducerStatus | None = None
     bandwidth_bps: Mapping[tuple[str, str], float] = field(default_factory=dict)
+    machines: Mapping[str, MachineStatus] = field(default_factory=dict)
     findings: Sequence[Finding] = ()
 
 
@@ -123,6 +125,41 @@ def _link_metrics(snapshot: Snapshot) -> Iterable[Metric]:
         limit.add_metric([stream, site], bps)
     yield sent
     yield limit
+    yield from _measured_links(snapshot)
+
+
+def _measured_links(snapshot: Snapshot) -> Iterable[Metric]:
+    """What the senders know of their links, and what was refused at the doors."""
+    labels = ["stream", "site"]
+    rate = GaugeMetricFamily("searchlight_link_rate_bps", "What a link lets through, measured", labels=labels)
+    backlog = GaugeMetricFamily(
+        "searchlight_link_backlog_seconds", "Link time of what is not known to be read", labels=labels
+    )
+    lost = CounterMetricFamily(
+        "searchlight_link_messages_lost",
+        "Messages whose connection broke before they were read",
+        labels=labels,
+    )
+    down = GaugeMetricFamily(
+        "searchlight_link_down", "Connections of a link that are broken or silent", labels=labels
+    )
+    for stream, source in snapshot.sources.items():
+        for site, link in source.links.items():
+            rate.add_metric([stream, site], link.rate_bps)
+            backlog.add_metric([stream, site], link.backlog_s)
+            lost.add_metric([stream, site], link.lost)
+            down.add_metric([stream, site], len(link.down))
+    yield from (rate, backlog, lost, down)
+    rejected = CounterMetricFamily(
+        "searchlight_connections_rejected",
+        "Connections without the token, of another version, or with bytes that are no message",
+        labels=["actor"],
+    )
+    for name, machine in snapshot.machines.items():
+        rejected.add_metric([name], machine.rejected)
+    if snapshot.reducer is not None:
+        rejected.add_metric(["reducer"], snapshot.reducer.rejected)
+    yield rejected
 
 
 def _verdict_metrics(snapshot: Snapshot) -> Iterable[Metric]:

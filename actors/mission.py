@@ -20,7 +20,7 @@ from pipeline.allocation.plan import Plan
 from pipeline.errors import RunFailedError, SearchlightError
 from pipeline.logs import Log
 from pipeline.mission.clocks import pacing_offsets_s
-from pipeline.mission.local import FinishedRun, bandwidth
+from pipeline.mission.local import FinishedRun, bandwidth, source_params
 from pipeline.mission.prepared import PreparedMission
 from pipeline.mission.stages.reducer import ReducerStage
 
@@ -117,7 +117,11 @@ class _Wiring:
         }
         self._sources = {
             s.stream: _remote(SourceActor, s.site).remote(
-                s, plan.assignments, bandwidth(self._prepared, plan, s.stream), self._token
+                s,
+                plan.assignments,
+                bandwidth(self._prepared, plan, s.stream),
+                self._token,
+                source_params(self._prepared),
             )
             for s in self._prepared.streams
         }
@@ -162,7 +166,12 @@ class _Wiring:
         for status in [*sources, *machines, reducer]:
             if status.error is not None:
                 raise status.error
-        return replace(last, sources={s.stream: s for s in sources}, reducer=reducer)
+        return replace(
+            last,
+            sources={s.stream: s for s in sources},
+            machines={m.machine: m for m in machines},
+            reducer=reducer,
+        )
 
     @staticmethod
     def _log_ends(before: Snapshot, now: Snapshot) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from pipeline.allocation.plan import Plan
 from pipeline.errors import SearchlightError, failure
-from pipeline.link.channel import Receiver
+from pipeline.link.receiver import Receiver
 from pipeline.messages import Detections, Message
 from pipeline.mission.local import make_reducer
 from pipeline.mission.prepared import PreparedMission

@@ -10,7 +10,7 @@ Pixels: x right, y down, (0, 0) is the *corner* of the first pixel; its centre i
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import Field, dataclass, fields
 from typing import Any
 
 import msgpack
@@ -148,10 +148,12 @@ class EndOfStream:
 
 
 Message = Packet | Detections | Dropped | EndOfStream
-_RECORDS: dict[str, type] = {
-    cls.__name__: cls for cls in (CameraPose, Packet, Hops, Detections, Dropped, EndOfStream)
-}
-_DTYPES = {"float64": np.float64, "int64": np.int64}
+#: of the wire form; both ends of a connection must speak the same. Raised when a field comes, goes or moves
+WIRE_VERSION = 2
+#: the number of a message on the wire is its place here
+_MESSAGES: tuple[type[Message], ...] = (Packet, Detections, Dropped, EndOfStream)
+_NUMBERS = {cls: number for number, cls in enumerate(_MESSAGES)}
+_RECORDS: dict[str, type] = {"CameraPose": CameraPose, "Hops": Hops}
 #: what may stand in a field of this annotation
 _TYPES: dict[str, tuple[type, ...]] = {
     "str": (str,),
@@ -159,13 +161,9 @@ _TYPES: dict[str, tuple[type, ...]] = {
     "float": (float, int),
     "bool": (bool,),
     "bytes": (bytes,),
-    "CameraPose": (CameraPose,),
-    "Hops": (Hops,),
-    "FloatArray": (np.ndarray,),
-    "NDArray[np.int64]": (np.ndarray,),
 }
 #: dtype and shape of the array fields; -1 is the number of detections, the same in all of them
-_ARRAYS = {
+_ARRAYS: dict[str, tuple[type, tuple[int, ...]]] = {
     "position_enu": (np.float64, (3,)),
     "enu_from_camera": (np.float64, (3, 3)),
     "boxes_px": (np.float64, (-1, 4)),
@@ -175,8 +173,14 @@ _ARRAYS = {
 
 
 def pack(message: Message) -> bytes:
-    """The wire form of a message: msgpack of its fields, arrays as raw little-endian bytes."""
-    return bytes(msgpack.packb(message, default=_encode, use_bin_type=True))
+    """The wire form of a message: its number, then its fields in their order, as a msgpack array.
+
+    A record in a field is an array of its fields; an array is its bytes, little-endian, whose dtype and shape
+    the field decides. Raises TypeError for what does not travel.
+    """
+    if type(message) not in _NUMBERS:
+        raise TypeError(f"{type(message).__name__} does not travel")
+    return bytes(msgpack.packb([_NUMBERS[type(message)], *_values(message)], use_bin_type=True))
 
 
 def unpack(data: bytes | bytearray | memoryview) -> Message:
@@ -184,50 +188,66 @@ def unpack(data: bytes | bytearray | memoryview) -> Message:
     if len(data) > MAX_MESSAGE_BYTES:
         raise ProtocolError(f"a message of {len(data)} bytes; at most {MAX_MESSAGE_BYTES} are taken")
     try:
-        message = msgpack.unpackb(data, object_hook=_decode)
+        values = msgpack.unpackb(data)
+        if type(values) is not list or not values or type(values[0]) is not int:
+            raise ProtocolError(f"not a message: {type(values).__name__}")
+        if not 0 <= values[0] < len(_MESSAGES):
+            raise ProtocolError(f"not a message: number {values[0]}")
+        message: Message = _record(_MESSAGES[values[0]], values[1:])
     except ProtocolError:
         raise
     except Exception as error:
         raise ProtocolError(f"not a message: {error}") from error
-    if not isinstance(message, Packet | Detections | Dropped | EndOfStream):
-        raise ProtocolError(f"not a message: {type(message).__name__}")
     return message
 
 
-def _encode(value: Any) -> Any:
+def _values(record: Any) -> list[Any]:
+    count = len(record.scores) if type(record) is Detections else 0
+    return [_plain(field.name, getattr(record, field.name), count) for field in fields(record)]
+
+
+def _plain(name: str, value: Any, count: int) -> Any:
+    """A field's value as msgpack has it; count: of the detections."""
+    if isinstance(value, CameraPose | Hops):
+        return _values(value)
     if isinstance(value, np.ndarray):
-        if value.dtype.name not in _DTYPES:
-            raise TypeError(f"an array of {value.dtype.name} does not travel")
-        return {"@": "array", "dtype": value.dtype.name, "shape": value.shape, "data": value.tobytes()}
-    if type(value).__name__ in _RECORDS:
-        return {"@": type(value).__name__} | {f.name: getattr(value, f.name) for f in fields(value)}
-    raise TypeError(f"{type(value).__name__} does not travel")
+        dtype, shape = _ARRAYS[name]
+        if value.dtype != dtype or value.shape != _counted(shape, count):
+            found = f"{value.dtype.name} {value.shape}"
+            raise TypeError(f"an array of {found} does not travel as {name}: {dtype.__name__} {shape}")
+        return value.tobytes()
+    return value
 
 
-def _decode(value: dict[str, Any]) -> Any:
-    kind = value.pop("@", None)
-    if kind == "array":
-        dtype = _DTYPES.get(value["dtype"])
-        if dtype is None:
-            raise ProtocolError(f"array of {value['dtype']!r}")
-        return np.frombuffer(value["data"], dtype=dtype).reshape(value["shape"])
-    if kind in _RECORDS:
-        return _record(_RECORDS[kind], value)
-    raise ProtocolError(f"record of kind {kind!r}")
-
-
-def _record(cls: type, values: dict[str, Any]) -> Any:
+def _record(cls: type, values: Any) -> Any:
     """The record, if every field is what its annotation says: what comes from a wire is not believed."""
-    count = len(values["scores"]) if cls is Detections else 0
-    for field in fields(cls):
-        value = values.get(field.name, field.default)
-        if type(value) not in _TYPES[str(field.type)]:
-            raise ProtocolError(f"{cls.__name__}.{field.name} is of type {type(value).__name__}")
-        if field.name in _ARRAYS:
-            dtype, shape = _ARRAYS[field.name]
-            wanted = tuple(count if size == -1 else size for size in shape)
-            if value.dtype != dtype or value.shape != wanted:
-                raise ProtocolError(
-                    f"{cls.__name__}.{field.name} is {value.dtype} {value.shape}, not {wanted}"
-                )
-    return cls(**values)
+    if type(values) is not list or len(values) != len(fields(cls)):
+        found = f"{len(values)} fields" if type(values) is list else type(values).__name__
+        raise ProtocolError(f"{cls.__name__} is {found}, not {len(fields(cls))} fields")
+    named = {field.name: value for field, value in zip(fields(cls), values, strict=True)}
+    count = len(named["scores"]) // 8 if cls is Detections else 0
+    return cls(*(_field(cls, field, named[field.name], count) for field in fields(cls)))
+
+
+def _field(cls: type, field: Field[Any], value: Any, count: int) -> Any:
+    where = f"{cls.__name__}.{field.name}"
+    annotation = str(field.type)
+    if annotation in _RECORDS:
+        return _record(_RECORDS[annotation], value)
+    if field.name in _ARRAYS:
+        dtype, shape = _ARRAYS[field.name]
+        return _array(where, value, dtype, _counted(shape, count))
+    if type(value) not in _TYPES[annotation]:
+        raise ProtocolError(f"{where} is of type {type(value).__name__}")
+    return value
+
+
+def _array(where: str, value: Any, dtype: type, shape: tuple[int, ...]) -> NDArray[Any]:
+    if type(value) is not bytes or len(value) != 8 * math.prod(shape):
+        found = f"{len(value)} bytes" if type(value) is bytes else type(value).__name__
+        raise ProtocolError(f"{where} is {found}, not {dtype.__name__} {shape}")
+    return np.frombuffer(value, dtype=dtype).reshape(shape)
+
+
+def _counted(shape: tuple[int, ...], count: int) -> tuple[int, ...]:
+    return tuple(count if size == -1 else size for size in shape)

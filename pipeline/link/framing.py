@@ -1,4 +1,4 @@
-"""Messages on a byte stream: the length, 4 bytes big-endian, then the message."""
+"""Messages on a byte stream: the length, 4 bytes big-endian, then the message. A length of 0 is a heartbeat."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ from pipeline.errors import ProtocolError
 from pipeline.messages import MAX_MESSAGE_BYTES
 
 _LENGTH = struct.Struct(">I")
+#: a sign of life of a sender that has nothing to say
+HEARTBEAT = _LENGTH.pack(0)
 
 
 def frame(message: bytes) -> bytes:
@@ -23,11 +25,12 @@ class FrameReader:
         self._buffer = bytearray()
 
     def feed(self, data: bytes) -> list[bytes]:
-        """The messages completed by these bytes. Raises ProtocolError for a length over the limit."""
+        """The messages completed by these bytes, no heartbeats. Raises ProtocolError for a length over the limit."""
         self._buffer += data
         messages, position = [], 0
         while (end := self._end(position)) is not None:
-            messages.append(bytes(self._buffer[position + _LENGTH.size : end]))
+            if end > position + _LENGTH.size:
+                messages.append(bytes(self._buffer[position + _LENGTH.size : end]))
             position = end
         del self._buffer[:position]
         return messages

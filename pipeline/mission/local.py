@@ -17,13 +17,11 @@ from pipeline.mission.onto import go_on
 from pipeline.mission.prepared import PreparedMission
 from pipeline.mission.stages.detector import DetectorStage
 from pipeline.mission.stages.reducer import ReducerStage
-from pipeline.mission.stages.source import SourceCount, SourceStage, StreamInput
+from pipeline.mission.stages.source import SourceCount, SourceParams, SourceStage, StreamInput
 from pipeline.mission.stages.virtual_link import VirtualLink
 from pipeline.sensor.substream import SubstreamModel, as_sent, substream_model
 
 _LOG = Log("mission")
-#: a link may be so far behind before frames are dropped, seconds
-MAX_BACKLOG_S = 1.0
 Progress = Callable[[str, int, int], None]
 
 
@@ -70,7 +68,8 @@ def process(
         for s in prepared.streams
     }
     sources = {
-        s.stream: SourceStage(s, plan.assignments, links[s.stream], MAX_BACKLOG_S) for s in prepared.streams
+        s.stream: SourceStage(s, plan.assignments, links[s.stream], source_params(prepared))
+        for s in prepared.streams
     }
     running = {s.stream: _step(s, sources[s.stream], progress) for s in prepared.streams}
     while running:
@@ -119,6 +118,11 @@ def substream_models(prepared: PreparedMission, plan: Plan) -> dict[tuple[str, s
 def codec_of(prepared: PreparedMission, assignment: Assignment) -> Codec:
     """The codec of a substream."""
     return assignment.codec or prepared.mission.processing.codec
+
+
+def source_params(prepared: PreparedMission) -> SourceParams:
+    """The limits of the mission's sources."""
+    return SourceParams(most_age_s=prepared.mission.processing.max_processing_time)
 
 
 def make_detectors(prepared: PreparedMission, plan: Plan) -> dict[tuple[str, str], DetectorStage]:

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pipeline.allocation.plan import Assignment, Plan
 from pipeline.ingest.finding import Finding
 from pipeline.messages import Frame, Message
-from pipeline.mission.local import MAX_BACKLOG_S, bandwidth, make_detector, make_reducer
+from pipeline.mission.local import bandwidth, make_detector, make_reducer
 from pipeline.mission.memory import give_back
 from pipeline.mission.prepared import PreparedMission
 from pipeline.mission.stages.reducer import ReducerStage
@@ -59,7 +59,7 @@ def _push(
 
     due = replace(assignment, period=1, phase=0, bitrate_bps=assignment.bitrate_bps / assignment.period)
     link = VirtualLink(bandwidth(prepared, plan, stream.stream), deliver)
-    source = SourceStage(stream, (due,), link, MAX_BACKLOG_S)
+    source = SourceStage(stream, (due,), link)
     if frame is not None:
         source.offer(frame, 0.0)
     source.end()

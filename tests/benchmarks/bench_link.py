@@ -19,7 +19,8 @@ from multiprocessing.connection import Connection
 
 import numpy as np
 
-from pipeline.link.channel import Address, LinkSender, Receiver
+from pipeline.link.receiver import Receiver
+from pipeline.link.sender import Address, LinkSender
 from pipeline.link.token_bucket import TokenBucket
 from pipeline.messages import CameraPose, EndOfStream, Message, Packet, pack
 

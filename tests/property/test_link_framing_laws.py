@@ -16,4 +16,4 @@ def test_messages_come_back_whole_and_in_order_however_the_stream_is_cut(
         end = position + cuts[turn % len(cuts)]
         received += reader.feed(stream[position:end])
         position, turn = end, turn + 1
-    assert received == messages
+    assert received == [message for message in messages if message]  # an empty one is a heartbeat

@@ -40,7 +40,7 @@ def packet() -> Packet:
     return Packet("drone-1", "m:nano", 7, 70, 3, 1, 30, True, POSE, b"\x00\x01", 0.25, 0.5, 99)
 
 
-def wire(record: dict[str, object]) -> bytes:
+def wire(record: object) -> bytes:
     return bytes(msgpack.packb(record))
 
 
@@ -74,7 +74,7 @@ def test_a_frame_does_not_travel() -> None:
 
 
 def test_an_array_of_another_dtype_does_not_travel() -> None:
-    with pytest.raises(TypeError, match="float32 does not travel"):
+    with pytest.raises(TypeError, match=r"float32 .* does not travel"):
         pack(dataclasses.replace(detections(), scores=np.zeros(2, np.float32)))
 
 
@@ -88,16 +88,62 @@ def test_a_message_beyond_the_limit_is_refused() -> None:
     [
         {"scores": np.zeros(3)},
         {"boxes_px": np.zeros((2, 3))},
+        {"boxes_px": np.zeros((4, 2))},
         {"class_ids": np.zeros(2)},
-        {"index": "7"},
-        {"stream": 1},
-        {"pose": None},
         {"pose": CameraPose(np.zeros(2), np.eye(3))},
     ],
 )
+def test_an_array_that_the_field_does_not_say_does_not_travel(change: dict[str, object]) -> None:
+    with pytest.raises(TypeError, match="does not travel as"):
+        pack(dataclasses.replace(detections(), **change))
+
+
+@pytest.mark.parametrize("change", [{"index": "7"}, {"stream": 1}, {"pose": None}, {"hops": None}])
 def test_a_record_with_a_wrong_field_is_refused(change: dict[str, object]) -> None:
     with pytest.raises(ProtocolError):
         unpack(pack(dataclasses.replace(detections(), **change)))
+
+
+def changed(place: int, value: object) -> bytes:
+    """Two detections on the wire, with another value at a place of the array."""
+    values = msgpack.unpackb(pack(detections()))
+    values[place] = value
+    return wire(values)
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        changed(0, 9),
+        changed(0, -1),
+        changed(0, True),
+        changed(5, [b"", b""]),
+        changed(5, b"12345678"),
+        changed(6, bytes(63)),
+        changed(6, "12345678"),
+        changed(7, bytes(15)),
+        changed(7, bytes(24)),
+        changed(8, None),
+        wire([3, "s", "d", 0]),
+        wire([3, "s", "d", 0, 0, 0]),
+        wire([3, "s", "d", 0, 0.5]),
+        wire([]),
+        wire("EndOfStream"),
+    ],
+)
+def test_fields_too_many_too_few_or_of_another_kind_are_refused(data: bytes) -> None:
+    with pytest.raises(ProtocolError):
+        unpack(data)
+
+
+def test_a_message_of_the_first_wire_form_is_refused_and_not_misread() -> None:
+    old = {"@": "EndOfStream", "stream": "s", "detector": "d", "epoch": 0, "sequence": 0}
+    with pytest.raises(ProtocolError, match="not a message: dict"):
+        unpack(wire(old))
+
+
+def test_the_head_of_a_packet_is_small_beside_a_frame() -> None:
+    assert len(pack(packet())) - 2 <= 230
 
 
 @pytest.mark.parametrize(
@@ -105,14 +151,9 @@ def test_a_record_with_a_wrong_field_is_refused(change: dict[str, object]) -> No
     [
         b"",
         b"\xc1",
-        wire({"@": "EndOfStream", "stream": "s"}),
-        wire({"@": "EndOfStream", "stream": "s", "detector": "d", "more": 1}),
-        wire({"@": "Frame"}),
-        wire({"@": ["EndOfStream"]}),
         wire({"stream": "s"}),
-        wire({"@": "Hops"}),
-        wire({"@": "array", "dtype": "object", "shape": [1], "data": b"12345678"}),
-        wire({"@": "array", "dtype": "float64", "shape": [3], "data": b"12345678"}),
+        wire(7),
+        wire(None),
     ],
 )
 def test_bytes_that_are_no_message_are_refused(data: bytes) -> None:

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from pipeline.detection import Detector, NotFiniteError
 from pipeline.link.codec import Codec, Decoder
-from pipeline.messages import Detections, Dropped, EndOfStream, FloatArray, Hops, Message, Packet
+from pipeline.messages import Detections, EndOfStream, FloatArray, Hops, Message, Packet
+from pipeline.mission.stages.inbox import BUSY, dropped
 
 
 class DetectorStage:
@@ -35,12 +36,12 @@ class DetectorStage:
         try:
             image = self._decoder.decode(message.data)
         except ValueError:
-            return _dropped(message, "undecodable")
+            return dropped(message, "undecodable")
         decoded = time.perf_counter()
         try:
             boxes, scores, classes = self._detector.detect(image)
         except NotFiniteError:
-            return _dropped(message, "detector_not_finite")
+            return dropped(message, "detector_not_finite")
         detected = time.perf_counter()
         transfer_s = max(0, received_ns - message.sent_ns) * 1e-9 if message.sent_ns else message.link_s
         return Detections(
@@ -63,7 +64,7 @@ class DetectorStage:
             return message
         with contextlib.suppress(ValueError):
             self._decoder.decode(message.data)
-        return _dropped(message, "machine_busy")
+        return dropped(message, BUSY)
 
 
 def _in_own_picture(boxes: FloatArray, image: NDArray[np.uint8], packet: Packet) -> FloatArray:
@@ -73,9 +74,3 @@ def _in_own_picture(boxes: FloatArray, image: NDArray[np.uint8], packet: Packet)
         return boxes
     scale = np.array([packet.width / width, packet.height / height] * 2)
     return np.asarray(boxes * scale)
-
-
-def _dropped(packet: Packet, reason: str) -> Dropped:
-    return Dropped(
-        packet.stream, packet.detector, packet.index, packet.time_ns, reason, packet.epoch, packet.sequence
-    )

@@ -2,22 +2,37 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, field
 from fractions import Fraction
 from pathlib import Path
 from typing import Protocol
 
 from pipeline.allocation.plan import Assignment
+from pipeline.errors import RunFailedError
 from pipeline.ingest.source import LostPicture, PassedPicture, Picture, Source, SourceInfo
 from pipeline.ingest.trajectory import Trajectory
 from pipeline.link.codec import Codec, Encoder
 from pipeline.messages import EndOfStream, Frame, Message, Packet
 
-#: a decoder that joins late or lost a packet waits at most so long for a picture that stands alone
-KEYFRAME_INTERVAL_S = 2.0
+
+@dataclass(frozen=True)
+class SourceParams:
+    """max_backlog_s: a link that is further behind takes no new frame. most_age_s: nor is one sent that would be older
+    than this before its first byte left: its result could only come too late. keyframe_interval_s: the longest that a
+    decoder which joins late waits for a picture that stands alone.
+    """
+
+    max_backlog_s: float = 1.0
+    most_age_s: float = math.inf
+    keyframe_interval_s: float = 2.0
+
+    def __post_init__(self) -> None:
+        if not (self.max_backlog_s > 0.0 and self.most_age_s > 0.0 and self.keyframe_interval_s > 0.0):
+            raise ValueError(f"{self}; expected times above 0")
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,11 +70,20 @@ class StreamInput:
 class Link(Protocol):
     """The way from a stream to the sites, as the source sees it."""
 
+    def is_up(self, site: str, detector: str) -> bool:
+        """Whether anything can be sent there now."""
+
     def backlog_s(self, site: str, now_s: float) -> float:
         """How long a message offered now would wait before its first byte is sent."""
 
     def send(self, site: str, detector: str, message: Message, now_s: float) -> bool:
-        """Pass a message on; False if there is no room for it. A Packet's link_s may be filled in."""
+        """Pass a message on; False if it was not taken. A Packet's link_s may be filled in."""
+
+    def take_restarts(self) -> Collection[str]:
+        """Detectors whose next packet must stand alone; each is told once."""
+
+    def take_lost(self) -> Collection[Packet]:
+        """Packets that were sent and may never have arrived; each is told once."""
 
 
 @dataclass
@@ -87,22 +111,34 @@ class SourceCount:
         self.lost[index] = reason
         self.frames_dropped[reason] += 1
 
+    def lose_sent(self, index: int, detector: str, reason: str) -> None:
+        """Count a frame that was sent to a detector and may not have arrived; if it has, its result counts."""
+        self.dropped[index, detector] = reason
+        if all((index, d) in self.dropped for d in self.due[index]):
+            self.frames_dropped[reason] += 1
+
 
 class SourceStage:
     """Encodes every frame once for each substream that takes it, and offers it to the link.
 
-    A frame is dropped *before* it is encoded, so that a decoder never misses a packet of its substream.
-    max_backlog_s: a link that is further behind than this takes no new frame (reason ``link_full``).
+    A frame is dropped *before* it is encoded, so that a decoder never misses a packet of its substream. Reasons:
+    ``source_late``: it was read from the video too late. ``link_down``: the connection is broken or silent.
+    ``link_full``: the link is too far behind. ``too_old``: both together make it older than a result may be.
+    After it was encoded: ``receiver_busy``: the connection took no more; ``link_lost``: the connection broke.
     """
 
     def __init__(
-        self, stream: StreamInput, assignments: tuple[Assignment, ...], link: Link, max_backlog_s: float
+        self,
+        stream: StreamInput,
+        assignments: tuple[Assignment, ...],
+        link: Link,
+        params: SourceParams | None = None,
     ) -> None:
         self.stream = stream
         self.assignments = tuple(a for a in assignments if a.stream == stream.stream)
         self.count = SourceCount()
         self._link = link
-        self._max_backlog_s = max_backlog_s
+        self._params = params or SourceParams()
         self._encoders = {a.detector: self._encoder(a) for a in self.assignments}
         self._packets_sent = {a.detector: 0 for a in self.assignments}
 
@@ -111,15 +147,20 @@ class SourceStage:
         for frame in self.frames():
             due_s = frame.time_s - self.stream.video.start_s
             now_s = wait_until(due_s)
-            self.offer(frame, now_s, late=now_s - due_s > self._max_backlog_s)
+            self.offer(frame, now_s, late_s=now_s - due_s)
         self.end()
 
     def end(self) -> None:
-        """Tell every detector that the stream is over."""
+        """Tell every detector that the stream is over. Raises RunFailedError for those that cannot be told."""
+        untold = []
         for assignment in self.assignments:
             sent = self._packets_sent[assignment.detector]
             end = EndOfStream(self.stream.stream, assignment.detector, sequence=sent)
-            self._link.send(assignment.site, assignment.detector, end, self.stream.end_s)
+            if not self._link.send(assignment.site, assignment.detector, end, self.stream.end_s):
+                untold.append(f"{assignment.detector} at {assignment.site}")
+        self._hear()
+        if untold:
+            raise RunFailedError(f"stream {self.stream.stream}: its end did not reach {', '.join(untold)}")
 
     def frames(self) -> Iterator[Frame]:
         """The frames on the processing clock, with their poses."""
@@ -141,26 +182,45 @@ class SourceStage:
             self.stream.stream, picture.index, picture.tick, picture.time_s, time_ns, pose, picture.planes
         )
 
-    def offer(self, frame: Frame, now_s: float, late: bool = False) -> None:
-        """Encode and send the frame for each detector whose turn it is."""
+    def offer(self, frame: Frame, now_s: float, late_s: float = 0.0) -> None:
+        """Encode and send the frame for each detector whose turn it is; late_s: since it was due."""
+        self._hear()
         due = [a for a in self.assignments if frame.tick % a.period == a.phase]
-        reasons = {a.detector: "source_late" if late else self._send(frame, a, now_s) for a in due}
+        reasons = {a.detector: self._why_not(a, now_s, late_s) or self._send(frame, a, now_s) for a in due}
         self.count.due[frame.index] = tuple(reasons)
         self.count.dropped.update({(frame.index, d): reason for d, reason in reasons.items() if reason})
         if all(reasons.values()):
             self.count.frames_dropped[next(iter(reasons.values()), None) or "not_assigned"] += 1
 
+    def _hear(self) -> None:
+        """What the link knows of what was sent before."""
+        for packet in self._link.take_lost():
+            self.count.lose_sent(packet.index, packet.detector, "link_lost")
+        restarts = self._link.take_restarts()
+        for assignment in self.assignments:
+            if assignment.detector in restarts:
+                self._encoders[assignment.detector] = self._encoder(assignment)
+
+    def _why_not(self, assignment: Assignment, now_s: float, late_s: float) -> str | None:
+        """Why a frame need not even be encoded, or None."""
+        if late_s > self._params.max_backlog_s:
+            return "source_late"
+        if not self._link.is_up(assignment.site, assignment.detector):
+            return "link_down"
+        backlog_s = self._link.backlog_s(assignment.site, now_s)
+        if backlog_s > self._params.max_backlog_s:
+            return "link_full"
+        return "too_old" if late_s + backlog_s > self._params.most_age_s else None
+
     def _send(self, frame: Frame, assignment: Assignment, now_s: float) -> str | None:
         """Why the frame could not be sent, or None."""
-        if self._link.backlog_s(assignment.site, now_s) > self._max_backlog_s:
-            return "link_full"
         packet = self._encode(frame, assignment)
         if self._link.send(assignment.site, assignment.detector, packet, now_s):
             self._packets_sent[assignment.detector] += 1
             return None
         # the decoder will miss this packet: the next one must stand alone
         self._encoders[assignment.detector] = self._encoder(assignment)
-        return "receiver_busy"
+        return "receiver_busy" if self._link.is_up(assignment.site, assignment.detector) else "link_down"
 
     def _encoder(self, assignment: Assignment) -> Encoder:
         rate_hz = self.stream.processing_rate_hz / assignment.period
@@ -169,7 +229,7 @@ class SourceStage:
             *self.stream.source.sent_size,
             frame_rate_hz=rate_hz,
             bitrate_bps=assignment.bitrate_bps / assignment.period,
-            keyframe_interval=max(1, round(KEYFRAME_INTERVAL_S * rate_hz)),
+            keyframe_interval=max(1, round(self._params.keyframe_interval_s * rate_hz)),
         )
 
     def _encode(self, frame: Frame, assignment: Assignment) -> Packet:

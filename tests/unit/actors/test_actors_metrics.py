@@ -1,14 +1,17 @@
+import math
 import urllib.request
 from dataclasses import replace
 
 from hypothesis import given
 from hypothesis import strategies as st
 
+from actors.machine import MachineStatus
 from actors.metrics import RunCollector, Snapshot, frame_outcomes, serve
 from actors.reducer import ReducerStatus
 from actors.source import SourceStatus
 from pipeline.allocation.plan import Plan
 from pipeline.ingest.finding import Finding
+from pipeline.link.sender import LinkState
 from pipeline.mission.stages.reducer import HOPS, HopHistogram
 
 PLAN = Plan("optimal", 1.25, 1.25, 0.0, 2, (), 0.1, 10, 10)
@@ -51,7 +54,11 @@ def test_at_any_moment_captured_is_processed_and_dropped_and_in_flight(
 
 
 def test_the_endpoint_shows_frames_hops_links_and_the_plan() -> None:
-    snapshot = Snapshot(PLAN, {"v": source()}, reducer(7), {("v", "ground"): 6e6})
+    link = LinkState(0.5e6, True, 1.5, 93750, 4, {"ground at 10.0.0.1:7": "silent"})
+    idle = LinkState(math.inf, False, 0.0, 0, 0, {})
+    machine = MachineStatus("pc", {}, 2, None, idle)
+    flying = replace(source(), links={"ground": link})
+    snapshot = Snapshot(PLAN, {"v": flying}, reducer(7), {("v", "ground"): 6e6}, machines={"pc": machine})
     server = serve(RunCollector(snapshot), 0)
     try:
         with urllib.request.urlopen(f"http://127.0.0.1:{server.server_port}/metrics") as answer:
@@ -69,6 +76,12 @@ def test_the_endpoint_shows_frames_hops_links_and_the_plan() -> None:
         'searchlight_hop_seconds_bucket{detector="d",hop="encode",le="0.005",stream="v"} 1.0',
         'searchlight_hop_seconds_count{detector="d",hop="detect",stream="v"} 1.0',
         'searchlight_evidence_not_taken_total{reason="bad_box"} 2.0',
+        'searchlight_link_rate_bps{site="ground",stream="v"} 500000.0',
+        'searchlight_link_backlog_seconds{site="ground",stream="v"} 1.5',
+        'searchlight_link_messages_lost_total{site="ground",stream="v"} 4.0',
+        'searchlight_link_down{site="ground",stream="v"} 1.0',
+        'searchlight_connections_rejected_total{actor="pc"} 2.0',
+        'searchlight_connections_rejected_total{actor="reducer"} 0.0',
         "searchlight_plan_objective 1.25",
         "searchlight_plan_gap 0.0",
     ):

@@ -9,12 +9,24 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import pytest
 
+from pipeline.clock import Clock
 from pipeline.errors import ProtocolError
 from pipeline.link import handshake
-from pipeline.link.channel import LinkSender, Receiver
 from pipeline.link.framing import frame
+from pipeline.link.params import LinkParams
+from pipeline.link.receiver import Receiver
+from pipeline.link.sender import LinkSender
 from pipeline.link.token_bucket import TokenBucket
-from pipeline.messages import MAX_MESSAGE_BYTES, CameraPose, Dropped, EndOfStream, Message, Packet, pack
+from pipeline.messages import (
+    MAX_MESSAGE_BYTES,
+    WIRE_VERSION,
+    CameraPose,
+    Dropped,
+    EndOfStream,
+    Message,
+    Packet,
+    pack,
+)
 
 TOKEN = b"a token for this test"
 WAIT_S = 20.0
@@ -31,6 +43,10 @@ class FakeTime:
 
     def sleep(self, seconds: float) -> None:
         self.now_s += seconds
+
+
+#: for made-up clocks, which say nothing about how long the far end is silent
+PATIENT = LinkParams(silence_s=1e8, broken_s=1e9)
 
 
 def dropped(index: int, reason: str = "late") -> Dropped:
@@ -59,9 +75,10 @@ def link() -> Iterator[Callable[..., LinkSender]]:
     senders: list[LinkSender] = []
 
     def make(
-        rate_bps: float = math.inf, burst_bytes: int = 4096, capacity_bytes: int = 10**6, **time: object
+        rate_bps: float = math.inf, burst_bytes: int = 4096, capacity_bytes: int = 10**6, **more: object
     ) -> LinkSender:
-        senders.append(LinkSender(TokenBucket(rate_bps, burst_bytes), capacity_bytes=capacity_bytes, **time))  # type: ignore[arg-type]
+        bucket = TokenBucket(rate_bps, burst_bytes)
+        senders.append(LinkSender(bucket, capacity_bytes=capacity_bytes, **more))  # type: ignore[arg-type]
         return senders[-1]
 
     yield make
@@ -73,6 +90,13 @@ def eventually(condition: Callable[[], bool]) -> bool:
     """Poll; how long it takes is not part of any test."""
     wait = threading.Event()
     return any(condition() or wait.wait(0.01) for _ in range(int(WAIT_S / 0.01)))
+
+
+def until_closed(peer: socket.socket) -> bool:
+    """Read what the receiver says back, to its end."""
+    while peer.recv(1000):
+        pass
+    return True
 
 
 def test_messages_arrive_as_they_were_and_in_order(inbox, link) -> None:  # type: ignore[no-untyped-def]
@@ -110,7 +134,7 @@ def test_two_connections_share_the_link_and_each_gets_its_own(link) -> None:  # 
 def test_the_bytes_on_the_wire_take_the_time_that_the_link_needs(inbox, link) -> None:  # type: ignore[no-untyped-def]
     receiver, _ = inbox
     time, rate_bps, burst_bytes = FakeTime(), 1e6, 5000
-    sender = link(rate_bps, burst_bytes, clock=time.clock, sleep=time.sleep)
+    sender = link(rate_bps, burst_bytes, params=PATIENT, clock=Clock(time.clock, time.sleep))
     sender.connect("ground", receiver.address, TOKEN)
     total = 0
     for index in range(10):
@@ -131,7 +155,7 @@ def test_a_large_message_takes_the_link_evenly(inbox, link) -> None:  # type: ig
         naps.append(seconds)
         time.sleep(seconds)
 
-    sender = link(rate_bps, burst_bytes, clock=time.clock, sleep=sleep)
+    sender = link(rate_bps, burst_bytes, params=PATIENT, clock=Clock(time.clock, sleep))
     sender.connect("ground", receiver.address, TOKEN)
     sender.send("ground", packet(100_000))
     assert sender.flush(WAIT_S)
@@ -142,7 +166,7 @@ def test_a_large_message_takes_the_link_evenly(inbox, link) -> None:  # type: ig
 def test_the_backlog_is_the_link_time_of_what_waits(link, inbox) -> None:  # type: ignore[no-untyped-def]
     receiver, _ = inbox
     gate = threading.Event()
-    sender = link(1e6, 1000, clock=lambda: 0.0, sleep=lambda _: gate.wait(WAIT_S))
+    sender = link(1e6, 1000, params=PATIENT, clock=Clock(lambda: 0.0, lambda _: gate.wait(WAIT_S)))
     sender.connect("ground", receiver.address, TOKEN)
     assert sender.backlog_s() == 0.0
     sender.send("ground", packet(50_000))
@@ -153,7 +177,7 @@ def test_the_backlog_is_the_link_time_of_what_waits(link, inbox) -> None:  # typ
 def test_a_full_queue_blocks_and_a_sender_in_no_mood_to_wait_is_told(inbox, link) -> None:  # type: ignore[no-untyped-def]
     receiver, messages = inbox
     gate = threading.Event()
-    sender = link(8e3, 1000, capacity_bytes=2000, sleep=lambda _: gate.wait(WAIT_S))
+    sender = link(8e3, 1000, capacity_bytes=2000, clock=Clock(sleep=lambda _: gate.wait(WAIT_S)))
     sender.connect("ground", receiver.address, TOKEN)
     assert sender.send("ground", packet(50_000), timeout_s=0)  # larger than the queue, which is empty
     assert not sender.send("ground", dropped(1), timeout_s=0)
@@ -176,9 +200,9 @@ def test_a_receiver_that_does_not_take_messages_holds_up_its_sender(link) -> Non
     sender = link(capacity_bytes=1_000_000)
     sender.connect("ground", receiver.address, TOKEN)
     sent = 0
-    while sender.send("ground", packet(1_000_000), timeout_s=0.3):
+    while sender.send("ground", packet(300_000), timeout_s=0.3):
         sent += 1
-        assert sent < 100, "nothing holds the sender up"
+        assert sent < 500, "nothing holds the sender up"
     gate.set()
     assert sender.flush(WAIT_S)
     assert eventually(lambda: len(taken) == sent)
@@ -199,8 +223,8 @@ def test_a_server_without_the_token_gets_no_message(link) -> None:  # type: igno
         def pretend() -> None:
             connection, _ = server.accept()
             with connection:
-                connection.sendall(bytes(32))
-                connection.recv(64)
+                connection.sendall(b"SLNK" + bytes([WIRE_VERSION]) + bytes(32))
+                connection.recv(5 + 32 + 1 + 32)
                 connection.sendall(bytes(32))
 
         threading.Thread(target=pretend, daemon=True).start()
@@ -212,7 +236,7 @@ def test_a_server_without_the_token_gets_no_message(link) -> None:  # type: igno
     "junk",
     [
         frame(b"\x80\x04\x95pickle"),
-        frame(b""),
+        frame(b"\x91\x09"),
         (MAX_MESSAGE_BYTES + 1).to_bytes(4, "big"),
         frame(b"\xc1" * 30),
     ],
@@ -225,7 +249,7 @@ def test_bytes_that_are_no_message_close_the_connection_and_are_counted(inbox, j
         peer.sendall(frame(pack(EndOfStream("drone-1", "small"))))
         assert messages.get(timeout=WAIT_S) == EndOfStream("drone-1", "small")
         peer.sendall(junk)
-        assert peer.recv(1) == b""
+        assert until_closed(peer)
     assert receiver.rejected == 1
     assert messages.empty()
 
@@ -233,29 +257,40 @@ def test_bytes_that_are_no_message_close_the_connection_and_are_counted(inbox, j
 def test_a_peer_that_skips_the_handshake_is_not_heard(inbox) -> None:  # type: ignore[no-untyped-def]
     receiver, messages = inbox
     with socket.create_connection(receiver.address, timeout=WAIT_S) as peer:
-        peer.recv(32)
-        peer.sendall(frame(pack(dropped(1))).ljust(64, b"\0"))
+        peer.recv(37)
+        peer.sendall(frame(pack(dropped(1))).ljust(102, b"\0"))
         assert eventually(lambda: receiver.rejected == 1)
     assert messages.empty()
 
 
 def test_a_broken_connection_is_reported_counted_and_can_be_made_again(link) -> None:  # type: ignore[no-untyped-def]
+    gate = threading.Event()
     first = Receiver("127.0.0.1", lambda _: None, token=TOKEN)
-    sender = link()
+    told: queue.Queue[tuple[str, str]] = queue.Queue()
+    sender = link(
+        8e3, 1000, clock=Clock(sleep=lambda _: gate.wait(WAIT_S)), on_lost=lambda *what: told.put(what)
+    )
     sender.connect("ground", first.address, TOKEN)
     sender.send("ground", dropped(0))
     assert sender.flush(WAIT_S)
-    first.close()
+    sender.send("ground", packet(5_000))  # more than the bucket holds
     sender.send("ground", dropped(1))
-    assert sender.flush(WAIT_S)
+    first.close()
+    assert told.get(timeout=WAIT_S) == ("ground", "closed by the receiver")
+    gate.set()
     assert isinstance(sender.error, OSError)
-    assert sender.lost == 1
-    with pytest.raises(ConnectionError, match="link 'ground'"):
+    assert sender.lost == 2
+    assert [m.index for m in sender.take_lost()] == [0, 1]
+    assert sender.take_lost() == []
+    assert sender.state().down == {"ground": "closed by the receiver"}
+    assert not sender.is_up("ground")
+    with pytest.raises(ConnectionError, match="link 'ground': closed by the receiver"):
         sender.send("ground", dropped(2))
     messages: queue.Queue[Message] = queue.Queue()
     second = Receiver("127.0.0.1", messages.put, token=TOKEN)
     sender.connect("ground", second.address, TOKEN)
     assert sender.error is None
+    assert sender.is_up("ground")
     sender.send("ground", dropped(3))
     assert messages.get(timeout=WAIT_S) == dropped(3)
     second.close()
@@ -268,7 +303,7 @@ def test_one_broken_connection_leaves_the_others_alone(inbox, link) -> None:  # 
     sender.connect("gone", gone.address, TOKEN)
     sender.connect("ground", receiver.address, TOKEN)
     gone.close()
-    sender.send("gone", dropped(0))
+    assert eventually(lambda: not sender.is_up("gone"))
     sender.send("ground", dropped(1))
     assert messages.get(timeout=WAIT_S) == dropped(1)
 
@@ -288,7 +323,7 @@ def test_an_exception_of_the_taker_closes_the_connection_and_is_kept(link) -> No
 
 def test_sending_nowhere_or_after_the_end_is_an_error_and_closing_wakes_who_waits(inbox, link) -> None:  # type: ignore[no-untyped-def]
     receiver, _ = inbox
-    sender = link(8e3, 1000, capacity_bytes=2000, sleep=lambda _: threading.Event().wait(0.05))
+    sender = link(8e3, 1000, capacity_bytes=2000, clock=Clock(sleep=lambda _: threading.Event().wait(0.05)))
     with pytest.raises(ConnectionError):
         sender.send("ground", dropped(0))
     sender.connect("ground", receiver.address, TOKEN)

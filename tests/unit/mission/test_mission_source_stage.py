@@ -1,4 +1,5 @@
 import math
+import time
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
@@ -9,14 +10,16 @@ import pytest
 
 from pipeline.allocation.plan import Assignment
 from pipeline.config.telemetry import Telemetry
+from pipeline.errors import RunFailedError
 from pipeline.geo.frame import LocalFrame
 from pipeline.ingest.track import Track
 from pipeline.ingest.trajectory_of import Ground, trajectory_of
 from pipeline.ingest.video.recordings import open_recordings
-from pipeline.messages import Detections, EndOfStream, Message, Packet
+from pipeline.link.framing import frame
+from pipeline.messages import Detections, EndOfStream, Message, Packet, pack
 from pipeline.mission.stages.detector import DetectorStage
-from pipeline.mission.stages.source import SourceStage, StreamInput
-from pipeline.mission.stages.virtual_link import VirtualLink
+from pipeline.mission.stages.source import SourceParams, SourceStage, StreamInput
+from pipeline.mission.stages.virtual_link import VirtualLink, wire_bytes
 from tests.videos import packet_places
 
 FRAMES, RATE_HZ = 30, 30.0
@@ -55,7 +58,9 @@ def assignment(detector: str, period: int = 1, phase: int = 0, bitrate_bps: floa
 def run(video: Path, assignments: list[Assignment], bandwidth_bps: float, rate_hz: float = 10.0):  # type: ignore[no-untyped-def]
     sent: list[tuple[str, Message]] = []
     link = VirtualLink({"site": bandwidth_bps}, lambda detector, message: sent.append((detector, message)))
-    stage = SourceStage(stream_input(video, rate_hz), tuple(assignments), link, max_backlog_s=0.5)
+    stage = SourceStage(
+        stream_input(video, rate_hz), tuple(assignments), link, SourceParams(max_backlog_s=0.5)
+    )
     stage.run(lambda video_s: video_s)
     return stage, sent, link
 
@@ -93,7 +98,7 @@ def test_a_link_that_is_too_slow_drops_frames_before_they_are_encoded_and_says_s
     packets = [m for _, m in sent if isinstance(m, Packet)]
     assert 0 < stage.count.frames_dropped["link_full"] == FRAMES - len(packets)
     assert set(stage.count.dropped.values()) == {"link_full"}
-    assert sum(len(p.data) for p in packets) == link.bytes_sent["site"]
+    assert sum(wire_bytes(m) for _, m in sent) == link.bytes_sent["site"]
 
 
 def test_the_first_packet_of_a_substream_stands_alone(video: Path) -> None:
@@ -111,7 +116,7 @@ def test_a_packet_carries_capture_time_and_what_the_link_needed(video: Path) -> 
 
 def test_a_frame_that_comes_too_late_is_dropped_as_late(video: Path) -> None:
     link = VirtualLink({"site": float("inf")}, lambda detector, message: None)
-    stage = SourceStage(stream_input(video, 10.0), (assignment("a"),), link, max_backlog_s=0.5)
+    stage = SourceStage(stream_input(video, 10.0), (assignment("a"),), link, SourceParams(max_backlog_s=0.5))
     stage.run(lambda video_s: video_s + 1.0)
     assert stage.count.frames_dropped == {"source_late": 10}
 
@@ -126,7 +131,7 @@ def test_a_refused_packet_makes_the_next_one_stand_alone(video: Path) -> None:
 
     sent: list[Packet] = []
     link = Refusing({"site": float("inf")}, lambda _, m: sent.append(m) if isinstance(m, Packet) else None)
-    stage = SourceStage(stream_input(video, 30.0), (assignment("a"),), link, max_backlog_s=0.5)
+    stage = SourceStage(stream_input(video, 30.0), (assignment("a"),), link, SourceParams(max_backlog_s=0.5))
     stage.run(lambda video_s: video_s)
     assert stage.count.frames_dropped == {"receiver_busy": 1}
     assert [p.index for p in sent if p.keyframe][:2] == [0, 4]
@@ -136,7 +141,7 @@ def test_frames_without_a_pose_are_counted_as_such_and_are_nobodys_turn(video: P
     stream = stream_input(video, 10.0)
     stream = replace(stream, trajectory=replace(stream.trajectory, end_s=0.45))
     link = VirtualLink({"site": float("inf")}, lambda detector, message: None)
-    stage = SourceStage(stream, (assignment("a"),), link, max_backlog_s=0.5)
+    stage = SourceStage(stream, (assignment("a"),), link, SourceParams(max_backlog_s=0.5))
     stage.run(lambda video_s: video_s)
     assert stage.count.lost == dict.fromkeys((15, 18, 21, 24, 27), "no_pose")
     assert set(stage.count.due) == {0, 3, 6, 9, 12}
@@ -162,7 +167,7 @@ def test_a_part_of_a_video_begins_at_once_and_keeps_its_times(video: Path) -> No
     waits: list[float] = []
     packets: list[Packet] = []
     link = VirtualLink({"site": math.inf}, lambda _, m: packets.append(m) if isinstance(m, Packet) else None)
-    SourceStage(stream, (assignment("a"),), link, 0.5).run(lambda video_s: waits.append(video_s) or video_s)
+    SourceStage(stream, (assignment("a"),), link).run(lambda video_s: waits.append(video_s) or video_s)
     assert waits == pytest.approx([0.0, 0.1, 0.2])
     assert [p.time_ns - 10**18 for p in packets] == [pytest.approx(k * 1e8, abs=1e3) for k in (5, 6, 7)]
     assert [p.index for p in packets] == [15, 18, 21]
@@ -181,8 +186,109 @@ def test_boxes_are_in_pixels_of_the_picture_that_was_filmed_whatever_was_sent(vi
     link = VirtualLink({"site": math.inf}, lambda _, m: found.append(detector.process(m, 0)))
     stream = stream_input(video, 10.0)
     stream = replace(stream, source=stream.source.resized(48, 32))
-    SourceStage(stream, (assignment("a"),), link, 0.5).run(lambda video_s: video_s)
+    SourceStage(stream, (assignment("a"),), link).run(lambda video_s: video_s)
     assert set(sizes) == {(32, 48, 3)}
     boxes = [m.boxes_px for m in found if isinstance(m, Detections)]
     assert len(boxes) == 10
     assert np.array(boxes) == pytest.approx(np.array([[[24.0, 32.0, 96.0, 64.0]]] * 10))
+
+
+class Faulty(VirtualLink):
+    """A link that says of each frame, by its number, what it is told to say."""
+
+    def __init__(self, sent: list[Message], **says: dict[int, object]) -> None:
+        super().__init__({"site": math.inf}, lambda _, message: sent.append(message))
+        self.says, self.frame = says, -1
+
+    def at(self, what: str, otherwise: object) -> object:
+        return self.says.get(what, {}).get(self.frame, otherwise)
+
+    def is_up(self, site: str, detector: str) -> bool:
+        return self.at("down", False) is False
+
+    def backlog_s(self, site: str, now_s: float) -> float:
+        return float(self.at("backlog_s", 0.0))  # type: ignore[arg-type]
+
+    def take_restarts(self) -> set[str]:
+        self.frame += 1  # asked once for each frame
+        return self.at("restarts", set())  # type: ignore[return-value]
+
+    def take_lost(self) -> list[Packet]:
+        return self.says.get("lost", {}).pop(self.frame, [])  # type: ignore[return-value]
+
+
+def faulty(video: Path, params: SourceParams, **says: dict[int, object]) -> tuple[SourceStage, list[Packet]]:
+    sent: list[Message] = []
+    stage = SourceStage(stream_input(video, 30.0), (assignment("a"),), Faulty(sent, **says), params)
+    stage.run(lambda video_s: video_s)
+    return stage, [m for m in sent if isinstance(m, Packet)]
+
+
+def test_a_frame_that_is_bound_to_be_too_old_is_dropped_before_it_is_encoded(video: Path) -> None:
+    params = SourceParams(max_backlog_s=1.0, most_age_s=0.4)
+    stage, packets = faulty(video, params, backlog_s={3: 0.3, 4: 0.5, 5: 0.5, 6: 1.1, 7: 0.4})
+    assert stage.count.dropped == {(4, "a"): "too_old", (5, "a"): "too_old", (6, "a"): "link_full"}
+    assert stage.count.frames_dropped == {"too_old": 2, "link_full": 1}
+    assert [p.index for p in packets] == [i for i in range(FRAMES) if i not in (4, 5, 6)]
+    assert [p.index for p in packets if p.keyframe] == [0], "nothing was encoded in vain"
+
+
+def test_lateness_and_backlog_together_make_a_frame_too_old(video: Path) -> None:
+    link = VirtualLink({"site": math.inf}, lambda detector, message: None)
+    for late_s, dropped in ((0.3, {}), (0.41, {"too_old": 10}), (1.1, {"source_late": 10})):
+        stage = SourceStage(stream_input(video, 10.0), (assignment("a"),), link, SourceParams(most_age_s=0.4))
+        stage.run(lambda video_s, late_s=late_s: video_s + late_s)  # type: ignore[misc]
+        assert stage.count.frames_dropped == dropped
+
+
+def test_nothing_is_encoded_for_a_link_that_is_down(video: Path) -> None:
+    stage, packets = faulty(video, SourceParams(), down={5: True, 6: True})
+    assert stage.count.frames_dropped == {"link_down": 2}
+    assert [p.sequence for p in packets] == list(range(FRAMES - 2))
+
+
+def test_a_substream_begins_anew_where_the_far_end_asks_for_it(video: Path) -> None:
+    _, packets = faulty(video, SourceParams(), restarts={4: {"a"}, 9: {"another"}})
+    assert [p.index for p in packets if p.keyframe] == [0, 4]
+
+
+def test_what_was_sent_and_lost_is_counted_so(video: Path) -> None:
+    lost = [Packet("v", "a", i, 0, 0, 1, 30, False, None, b"") for i in (2, 3)]  # type: ignore[arg-type]
+    stage, _ = faulty(video, SourceParams(), lost={6: lost})
+    assert stage.count.dropped == {(2, "a"): "link_lost", (3, "a"): "link_lost"}
+    assert stage.count.frames_dropped == {"link_lost": 2}
+
+
+def test_a_frame_that_another_detector_still_has_is_not_lost_to_the_stream(video: Path) -> None:
+    link = VirtualLink({"site": math.inf}, lambda detector, message: None)
+    stage = SourceStage(stream_input(video, 30.0), (assignment("a"), assignment("b")), link)
+    stage.run(lambda video_s: video_s)
+    stage.count.lose_sent(2, "a", "link_lost")
+    assert stage.count.frames_dropped == {}
+    stage.count.lose_sent(2, "b", "link_lost")
+    assert stage.count.frames_dropped == {"link_lost": 1}
+
+
+def test_an_end_that_cannot_be_told_is_an_error_that_names_whom(video: Path) -> None:
+    class Deaf(VirtualLink):
+        def send(self, site: str, detector: str, message: Message, now_s: float) -> bool:
+            return not isinstance(message, EndOfStream)
+
+    stage = SourceStage(stream_input(video, 30.0), (assignment("a"),), Deaf({"site": math.inf}, print))
+    with pytest.raises(RunFailedError, match="stream v: its end did not reach a at site"):
+        stage.run(lambda video_s: video_s)
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"max_backlog_s": 0.0}, {"most_age_s": -1.0}, {"keyframe_interval_s": 0.0}]
+)
+def test_limits_that_let_nothing_through_are_refused(wrong: dict[str, float]) -> None:
+    with pytest.raises(ValueError, match="expected times above 0"):
+        SourceParams(**wrong)
+
+
+def test_a_link_in_video_time_charges_heads_and_ends_as_a_connection_does(video: Path) -> None:
+    _, sent, link = run(video, [assignment("a")], 1e6)
+    data = sum(len(m.data) for _, m in sent if isinstance(m, Packet))
+    stamped = [replace(m, sent_ns=time.time_ns()) if isinstance(m, Packet) else m for _, m in sent]
+    assert link.bytes_sent["site"] == sum(len(frame(pack(m))) for m in stamped) > data + 180 * (len(sent) - 1)

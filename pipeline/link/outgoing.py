@@ -1,0 +1,128 @@
+"""One connection as its sender sees it: what was offered, written and read, in bytes since the handshake."""
+
+from __future__ import annotations
+
+import math
+import socket
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from pipeline.errors import ProtocolError
+from pipeline.link.feedback import FeedbackReader, Read
+from pipeline.link.framing import HEARTBEAT
+from pipeline.messages import Message
+
+#: clocks run apart, by 10 ms in so many seconds at the worst: their difference is found anew, seconds
+_CLOCKS_AGREE_S = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class Passed:
+    """nbytes: of a message that was read whole, took_s at most after its first byte was written."""
+
+    nbytes: int
+    took_s: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Queued:
+    """turn: of the link, counted up. message: None for a heartbeat."""
+
+    turn: int
+    data: bytes
+    message: Message | None
+
+
+class Outgoing:
+    """Not locked: its owner is. blocked: the kernel took less than was written. silent: nothing heard for too long.
+
+    paid_bytes: of the link's bucket, taken and not yet written. held_bytes: what the kernel may hold, 0: no limit.
+    """
+
+    def __init__(self, name: str, connection: socket.socket, now_s: float) -> None:
+        self.name, self.socket = name, connection
+        self.blocked, self.silent = False, False
+        self.paid_bytes, self.held_bytes = 0, 0
+        self.heard_s = self.wrote_s = now_s
+        self.feedback = FeedbackReader()
+        self._queue: deque[_Queued] = deque()
+        self._offset = 0  # written of the head of the queue
+        self._unread: deque[tuple[int, Message]] = deque()
+        self._offered_bytes = self._written_bytes = self._read_bytes = 0
+        self._begun: deque[tuple[int, int, float]] = deque()  # end, bytes and beginning of what is being read
+        # of our clock over the far end's, the way back included: the least of this and of the last spell
+        self._ahead_s = self._last_ahead_s = math.inf
+        self._spell_s = now_s
+
+    @property
+    def unread_bytes(self) -> int:
+        """Offered, and not known to be read."""
+        return self._offered_bytes - self._read_bytes
+
+    @property
+    def unread(self) -> Sequence[Message]:
+        """Messages that are not known to be read whole, oldest first."""
+        return [message for _, message in self._unread]
+
+    @property
+    def turn(self) -> int | None:
+        """Of the next message to be written, if there is one."""
+        return self._queue[0].turn if self._queue else None
+
+    def offer(self, turn: int, data: bytes, message: Message) -> None:
+        """Queue a framed message."""
+        self._queue.append(_Queued(turn, data, message))
+        self._offered_bytes += len(data)
+        self._unread.append((self._offered_bytes, message))
+
+    def offer_heartbeat(self, turn: int) -> None:
+        """Queue a sign of life."""
+        self._queue.append(_Queued(turn, HEARTBEAT, None))
+        self._offered_bytes += len(HEARTBEAT)
+
+    def chunk(self, most_bytes: int) -> memoryview:
+        """What to write next, of one message."""
+        return memoryview(self._queue[0].data)[self._offset : self._offset + most_bytes]
+
+    def wrote(self, nbytes: int, now_s: float) -> int:
+        """The kernel took so much of the chunk; how much of it was messages."""
+        head = self._queue[0]
+        if nbytes and self._offset == 0:
+            self._begun.append((self._written_bytes + len(head.data), len(head.data), now_s))
+        self._offset += nbytes
+        self._written_bytes += nbytes
+        self.paid_bytes -= nbytes
+        if nbytes:
+            self.wrote_s = now_s
+        if self._offset == len(head.data):
+            self._queue.popleft()
+            self._offset = 0
+        return 0 if head.message is None else nbytes
+
+    def heard(self, read: Read, now_s: float) -> tuple[int, float, list[Passed]]:
+        """Bytes read since the last time, when, by our clock, and the messages that they complete.
+
+        Raises ProtocolError for what cannot be.
+        """
+        if not self._read_bytes <= read.total_bytes <= self._written_bytes:
+            raise ProtocolError(
+                f"{read.total_bytes} bytes are said to be read, of {self._written_bytes} written, "
+                f"after {self._read_bytes}"
+            )
+        at_s = self._by_our_clock(read.at_s, now_s)
+        news, self._read_bytes = read.total_bytes - self._read_bytes, read.total_bytes
+        while self._unread and self._unread[0][0] <= self._read_bytes:
+            self._unread.popleft()
+        passed = []
+        while self._begun and self._begun[0][0] <= self._read_bytes:
+            _, nbytes, begun_s = self._begun.popleft()
+            passed.append(Passed(nbytes, at_s - begun_s))
+        return news, at_s, passed
+
+    def _by_our_clock(self, at_s: float, now_s: float) -> float:
+        """Later than it was by what the quickest record needed for the way back."""
+        if now_s - self._spell_s > _CLOCKS_AGREE_S:
+            self._last_ahead_s, self._ahead_s, self._spell_s = self._ahead_s, math.inf, now_s
+        self._ahead_s = min(self._ahead_s, now_s - at_s)
+        return at_s + min(self._ahead_s, self._last_ahead_s)
