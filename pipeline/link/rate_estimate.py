@@ -91,7 +91,8 @@ class RateEstimate:
 
     def passed(self, nbytes: int, took_s: float, now_s: float) -> None:
         """A message of nbytes was read whole, at most took_s after its first byte was written."""
-        if self.is_full(now_s) or nbytes < 2 * self._params.burst_bytes or took_s <= 0.0:
+        known = self.is_full(now_s) and self._full_s >= self._params.least_s  # by the mean, which is better
+        if known or nbytes < 2 * self._params.burst_bytes or took_s <= 0.0:
             return
         self._set(max(self._rate_bps, (nbytes - self._params.burst_bytes) * 8.0 / took_s))
 

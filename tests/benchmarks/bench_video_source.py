@@ -110,7 +110,11 @@ def measured(path: Path) -> dict[str, float]:
     trajectory = SimpleNamespace(pose=lambda time_s: pose, utc_ns=lambda time_s: round(time_s * 1e9))
     packets: list[object] = []
     link = SimpleNamespace(
-        backlog_s=lambda site, now_s: 0.0, send=lambda *message: packets.append(message) or True
+        is_up=lambda site, detector: True,
+        backlog_s=lambda site, now_s: 0.0,
+        send=lambda *message: packets.append(message) or True,
+        take_restarts=tuple,
+        take_lost=tuple,
     )
     threads = 1
     try:
@@ -126,7 +130,7 @@ def measured(path: Path) -> dict[str, float]:
         seconds = source.end_s
     stream = StreamInput("v", "drone", source, trajectory, 10.0, "h264")
     assignments = tuple(Assignment("v", d, d, "m", "site", 1, 0, 1e6) for d in ("a", "b"))
-    stage = SourceStage(stream, assignments, link, 1.0)
+    stage = SourceStage(stream, assignments, link)
     wall_s, cpu_s = time.perf_counter(), time.process_time()
     stage.run(lambda video_s: video_s)
     cost = {

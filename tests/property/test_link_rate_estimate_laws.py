@@ -210,8 +210,10 @@ def test_a_message_that_a_shaper_lets_through_at_once_says_nothing() -> None:
     estimate.passed(30_056, 0.12, 1.0)
     assert estimate.rate_bps(1.0) == pytest.approx(1.6e6)
     estimate.blocked(2.0)
-    estimate.passed(300_000, 0.1, 2.0)
-    assert estimate.rate_bps(2.0) == pytest.approx(1.6e6)
+    for step in range(10):
+        estimate.read(10_000, 2.0 + step * 0.1)
+    estimate.passed(300_000, 0.1, 2.9)
+    assert estimate.rate_bps(2.9) == pytest.approx(0.8e6), "a full link is known by its mean"
 
 
 def test_nothing_unread_is_no_backlog_and_a_link_without_a_limit_has_none() -> None:

@@ -150,7 +150,7 @@ def test_encoders_have_the_plan_s_bitrate_and_rate_over_the_period(prepared, pla
     source = SimpleNamespace(sent_size=(640, 480))
     stream = SimpleNamespace(stream="v", processing_rate_hz=10.0, codec="h264", source=source)
 
-    stage = SourceStage(stream, plan.assignments, SimpleNamespace(), 1.0)
+    stage = SourceStage(stream, plan.assignments, SimpleNamespace())
     assert len(encoders) == len(stage.assignments) == len(plan.assignments)
     for (of, how), a in zip(encoders, stage.assignments, strict=True):
         assert of == ("h264", 640, 480)
