@@ -30,6 +30,8 @@ class Column(Strict):
     %H:%M:%S`; of a time also `gps` (seconds) and `excel` (days); of latitude and longitude also `nmea`.
     Absent: that of the head. Example: `feet`.
     """
+    scale: float = Field(default=1.0, ge=-1e9, le=1e9)
+    """Multiplied onto its numbers, beside the unit. Example: `-1`, for a pitch that is positive downward."""
     zone: str | None = None
     """Of a time: `utc`, `local`, an offset such as `+02:00`, or `video` (seconds since the video's first
     picture). Absent: that of the head. Example: `utc`.

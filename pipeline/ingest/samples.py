@@ -173,12 +173,20 @@ def _angles_in_degrees(samples: Sequence[Sample]) -> str:
     """What to look at if every sample has an angle beyond what there is; empty otherwise."""
     latitudes = [abs(s.values["latitude"]) for s in samples if {"latitude", "longitude"} <= s.values.keys()]
     if latitudes and float(np.median(latitudes)) > _LIMITS["latitude"]:
-        return "latitudes of at most 90 degrees: are latitude and longitude exchanged?"
+        return _latitudes_in_degrees(float(np.median(latitudes)))
     for name in ("pitch", "yaw", "roll"):
         values = [s.values[name] for s in samples if name in s.values]
         if values and float(np.median(np.abs(values))) > _LIMITS[name]:
             return f"angles in degrees; {name} is about {float(np.median(values)):g}: tenths of a degree?"
     return ""
+
+
+def _latitudes_in_degrees(usual: float) -> str:
+    if usual > 1e7:
+        return f"latitudes in degrees; they are about {usual:.3g}: ten millionths (unit: degE7)?"
+    if usual > 360.0:
+        return f"latitudes in degrees; they are about {usual:.7g}: metres of a projection (UTM), to be converted to WGS84?"
+    return "latitudes of at most 90 degrees: are latitude and longitude exchanged?"
 
 
 def _never_fixed(samples: Sequence[Sample]) -> list[Sample]:

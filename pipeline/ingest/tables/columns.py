@@ -21,6 +21,10 @@ _ANGLES = (*CAMERA, *AIRCRAFT, "attitude_sd")
 _PLAIN = ("satellites", "gps_level", "focal_length_35mm")
 #: no angle of a camera or an aircraft is greater, in degrees
 _MOST_DEG = 360.0
+#: no gimbal is pitched or rolled further
+_MOST_PITCH_DEG = 140.0
+#: a camera that searches is pitched by more degrees than a right angle has radians, at some time
+_LEAST_PITCH, _TURN_RAD = 0.05, 2.0 * math.pi
 
 
 @dataclass
@@ -49,9 +53,10 @@ def read_columns(table: DelimitedTable, columns: dict[str, Column]) -> TableColu
         assert index is not None
         values = _read(read, quantity, table.column(index))
         if values is not None:
-            read.values[quantity] = values
+            read.values[quantity] = values * column.scale
     for angles in (CAMERA, AIRCRAFT):
         _tenths_to_degrees(read, angles)
+    _require_degrees(read)
     return read
 
 
@@ -111,13 +116,53 @@ def _factor(read: TableColumns, quantity: str, dimension: Dimension) -> float:
 
 
 def _tenths_to_degrees(read: TableColumns, angles: tuple[str, ...]) -> None:
-    """Angles that no degrees can be, in more than one row of twenty, are tenths: all angles of that device."""
+    """Angles that no degrees can be, in more than one row of twenty, are tenths: all angles of that device.
+
+    Tenths are whole numbers. A heading alone that goes on beyond a turn, twice at most, is one that was not cut back.
+    """
     if any(read.columns[name].unit for name in angles if name in read.columns):
         return
     present = [name for name in angles if name in read.values]
-    beyond = [np.mean(np.abs(np.nan_to_num(read.values[name])) > _MOST_DEG) for name in present]
-    if not present or max(beyond) < 0.05:
+    beyond = {n: np.mean(np.abs(np.nan_to_num(read.values[n])) > _MOST_DEG) for n in present}
+    if not present or max(beyond.values()) < 0.05:
         return
+    whole = all((np.nan_to_num(read.values[n]) % 1.0 == 0.0).all() for n in present)
+    heading, *others = angles
+    alone = all(beyond.get(name, 0.0) < 0.05 and _most(read, name) <= _MOST_PITCH_DEG for name in others)
+    if heading in present and alone and not (whole and _most(read, heading) > 2.0 * _MOST_DEG):
+        read.values[heading] = np.mod(read.values[heading] + 180.0, 360.0) - 180.0
+        read.assumed.append(f"{heading} goes on beyond a whole turn: full turns are taken off")
+        return
+    if not whole:
+        return  # samples that cannot be are left out one by one, and counted
     for name in present:
         read.values[name] = read.values[name] / 10.0
     read.assumed.append(f"{', '.join(present)} are in tenths of a degree: their values are greater than 360")
+
+
+def _most(read: TableColumns, name: str) -> float:
+    values = read.get(name)
+    return float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 0.0
+
+
+def _require_degrees(read: TableColumns) -> None:
+    """Raises InputError if the camera's angles look like radians and nothing says what they are."""
+    given = [name for name in ("yaw", "pitch") if np.isfinite(read.get(name)).any()]
+    if len(given) < 2 or any(_stated_unit(read, name) for name in given):
+        return
+    pitch = np.abs(read.get("pitch")[np.isfinite(read.get("pitch"))])
+    if not _LEAST_PITCH < float(np.median(pitch)) <= float(pitch.max()) <= math.pi / 2.0 + 0.01:
+        return
+    if _most(read, "yaw") <= _TURN_RAD:
+        where = f"{read.table.path} telemetry.columns.pitch.unit"
+        found = (
+            f"no unit for a pitch of at most {pitch.max():.2f} and a yaw of at most {_most(read, 'yaw'):.2f}"
+        )
+        raise InputError(
+            where, found, "radians or degrees, in the head or in telemetry.columns (yaw, pitch, roll)"
+        )
+
+
+def _stated_unit(read: TableColumns, name: str) -> str:
+    column = read.columns[name]
+    return column.unit or split_unit(read.table.names[read.table.index(column.name) or 0])[1]

@@ -13,6 +13,13 @@ _EPOCH_DAY = date(1970, 1, 1).toordinal()
 _YEAR_FIRST = re.compile(r"(\d{4})[-/.:](\d{1,2})[-/.:](\d{1,2})")
 _YEAR_LAST = re.compile(r"(\d{1,2})[-/.](\d{1,2})[-/.](\d{4}|\d{2})")
 _COMPACT = re.compile(r"(\d{4})(\d{2})(\d{2})(?=T|\b)")
+#: 14 Jun 2026, 14-Jun-26, Jun 14, 2026, perhaps behind a day of the week; months in English
+_MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
+_MONTH = "(" + "|".join(_MONTHS) + r")[a-z]*\.?"
+_NAMED_MONTH = re.compile(
+    rf"(?:[a-z]{{3,9}},?\s+)?(?:(\d{{1,2}})[ -]{_MONTH}[ ,-]+(\d{{4}}|\d{{2}})|{_MONTH}\s+(\d{{1,2}}),?\s+(\d{{4}}))\b",
+    re.IGNORECASE,
+)
 _TIME = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{1,2})(?:[.,:](\d{1,9}))?)?(?:\s*([AaPp])\.?[Mm]\.?)?")
 _COMPACT_TIME = re.compile(r"(\d{2})(\d{2})(\d{2})(?:[.,](\d{1,9}))?()")
 _ZONE = re.compile(r"(?:Z|UTC|GMT)|([+\-−])(\d{1,2}):?(\d{2})?")
@@ -90,6 +97,12 @@ def _guessed(text: str, month_first: bool) -> Moment | None:
 
 
 def _leading_date(text: str, month_first: bool) -> tuple[int | None, str, bool]:
+    if (named := _NAMED_MONTH.match(text)) is not None:
+        parts = [part for part in named.groups() if part is not None]
+        order = "dmy" if parts[0].isdigit() else "mdy"
+        numbers = tuple(p if p.isdigit() else str(_MONTHS.index(p[:3].lower()) + 1) for p in parts)
+        day_ns = _day_ns(numbers, order)
+        return day_ns, text[named.end() :] if day_ns is not None else text, False
     for pattern, order in (
         (_YEAR_FIRST, "ymd"),
         (_YEAR_LAST, "mdy" if month_first else "dmy"),

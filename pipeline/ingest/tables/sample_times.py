@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,8 @@ from pipeline.ingest.tables.row_dates import RowDates, cells_of, epoch_of, momen
 from pipeline.ingest.track import Clock
 from pipeline.messages import FloatArray
 
+#: a fraction tells minutes and seconds from hours and minutes
+_MINUTES = r"(\d{1,4}):([0-5]\d[.,]\d+)"
 _DURATION = r"(?:(\d+)h\s*)?(\d+)m\s*([\d.,]+)s"
 
 
@@ -122,11 +125,10 @@ def _elapsed_s(table: DelimitedTable, columns: dict[str, Column]) -> FloatArray 
 
 def _duration_s(cell: str) -> float:
     """``1m 23.4s``, as flight logs write their time of flight."""
-    import re
-
     match = re.fullmatch(_DURATION, cell.strip())
     if match is None:
-        return math.nan
+        minutes = re.fullmatch(_MINUTES, cell.strip())
+        return math.nan if minutes is None else 60.0 * int(minutes[1]) + float(minutes[2].replace(",", "."))
     return (
         int(match.group(1) or 0) * 3600.0
         + int(match.group(2)) * 60.0
