@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
+from typing import Any
 
 import numpy as np
 import rasterio
 from numpy.typing import NDArray
-from rasterio.enums import ColorInterp, Resampling
+from rasterio.enums import ColorInterp, MaskFlags, Resampling
 from rasterio.windows import Window
 from scipy.ndimage import binary_dilation
 
@@ -44,6 +45,10 @@ def overview_of(source: rasterio.DatasetReader, nodata: float | None) -> NDArray
     else:
         values = source.read(1, out_shape=(rows, columns), resampling=Resampling.nearest)
     result = values.astype(np.float64)
+    if values.shape == (rows, columns):
+        masked = masked_cells(source, out_shape=(rows, columns), resampling=Resampling.nearest)
+        if masked is not None:
+            result[masked] = np.nan
     if nodata is not None:
         result[values == nodata] = np.nan
     return np.asarray(result)
@@ -128,11 +133,18 @@ def note_impossible(heights: NDArray[np.float64], values: NDArray[np.float64], n
         )
 
 
-def zeros_are_border(heights: NDArray[np.float64]) -> bool:
-    """Whether zeros that reach the raster's border stand for unknown: the ground beside them is a cliff."""
+def masked_cells(source: rasterio.DatasetReader, **where: Any) -> NDArray[np.bool_] | None:
+    """Cells that a mask or an alpha band calls unknown; None if there is neither. where: as ``read`` takes it."""
+    if source.count == 2:
+        return np.asarray(source.read(2, **where) == 0)  # GDAL takes no alpha of floats for a mask
+    if MaskFlags.per_dataset not in source.mask_flag_enums[0]:
+        return None
+    return np.asarray(source.read_masks(1, **where) == 0)
+
+
+def zeros_are_unknown(heights: NDArray[np.float64]) -> bool:
+    """Whether zeros stand for unknown, at the border or in holes: the ground beside them is a cliff."""
     zero = heights == 0.0
-    if not np.concatenate([zero[0], zero[-1], zero[:, 0], zero[:, -1]]).any():
-        return False
     beside = binary_dilation(zero) & ~zero & np.isfinite(heights)
     neighbours = np.abs(heights[beside])
     if not len(neighbours):

@@ -15,6 +15,11 @@ from rasterio.errors import NotGeoreferencedWarning, RasterioError
 from pipeline.errors import InputError
 
 EXPECTED = "a GeoTIFF surface model: one band of heights, with a CRS and its place"
+#: ``rio`` comes with rasterio, which reads the rasters here
+WITH_CRS = (
+    "a GeoTIFF with a coordinate reference system. If you know it, write it in: `rio edit-info --crs EPSG:25833 FILE` "
+    "for a GeoTIFF; for .asc and .xyz a file of the same name with the ending .prj beside it"
+)
 #: what of a raster may stay in memory, bytes: GDAL's own 5 % of the machine made 600 MB of a file of 400 MB
 _LEAST_CACHE, _MOST_CACHE = 64_000_000, 512_000_000
 
@@ -32,7 +37,7 @@ def opened(path: Path) -> Iterator[rasterio.DatasetReader]:
         raise InputError(path, "a file that is not a raster", EXPECTED) from error
     with rasterio.Env(GDAL_CACHEMAX=_cache_bytes(source)), source:
         if source.crs is None:
-            raise InputError(f"{path} CRS", "none", "a GeoTIFF with a coordinate reference system")
+            raise InputError(f"{path} CRS", "none", WITH_CRS)
         if source.transform.is_identity or source.transform.determinant == 0.0:
             raise InputError(f"{path} georeference", "none", "a GeoTIFF that says where it lies")
         try:

@@ -16,6 +16,7 @@ import numpy as np
 import rasterio
 from numpy.typing import NDArray
 from pyproj import Transformer
+from rasterio.enums import ColorInterp
 from rasterio.warp import Resampling, reproject
 from rasterio.windows import Window
 
@@ -25,19 +26,21 @@ from pipeline.geo.raster_content import (
     HIGHEST_M,
     LOWEST_M,
     SENTINELS,
+    masked_cells,
     note_impossible,
     overview_of,
     picture_reason,
-    zeros_are_border,
+    zeros_are_unknown,
 )
 from pipeline.geo.raster_file import EXPECTED, horizontal, opened, vertical
 
 Heights = NDArray[np.float32]
-HeightUnit = Literal["meters", "feet", "us_survey_feet", "decimeters", "centimeters"]
+HeightUnit = Literal["meters", "feet", "us_survey_feet", "decimeters", "centimeters", "millimeters"]
 HeightDatum = Literal["ellipsoid", "geoid"]
 
 METERS_PER: dict[HeightUnit, float] = {
     "meters": 1.0, "feet": 0.3048, "us_survey_feet": 1200.0 / 3937.0, "decimeters": 0.1, "centimeters": 0.01,
+    "millimeters": 0.001,
 }  # fmt: skip
 _UNIT_NAMES: dict[str, HeightUnit] = {
     "m": "meters", "metre": "meters", "metres": "meters", "meter": "meters", "meters": "meters",
@@ -45,6 +48,7 @@ _UNIT_NAMES: dict[str, HeightUnit] = {
     "us-ft": "us_survey_feet", "ftus": "us_survey_feet", "us survey feet": "us_survey_feet",
     "foot_us": "us_survey_feet",
     "foot us": "us_survey_feet", "us_survey_foot": "us_survey_feet", "dm": "decimeters", "decimetre": "decimeters",
+    "mm": "millimeters", "millimetre": "millimeters", "millimeter": "millimeters", "millimeters": "millimeters",
     "cm": "centimeters", "centimetre": "centimeters", "centimeter": "centimeters", "centimeters": "centimeters",
 }  # fmt: skip
 _GEOID_DRIVERS = ("SRTMHGT", "DTED")
@@ -73,7 +77,7 @@ class SurfaceModel:
 def inspect(path: Path, unit: HeightUnit | None = None, nodata: float | None = None) -> SurfaceModel:
     """What a file holds. unit, nodata: instead of what the file says. Raises InputError if it is no model."""
     with opened(path) as source:
-        if source.count != 1 or source.dtypes[0] in ("uint8", "int8") or "complex" in source.dtypes[0]:
+        if not _is_one_band(source) or source.dtypes[0] in ("uint8", "int8") or "complex" in source.dtypes[0]:
             found = f"a picture or a mask ({source.count} bands of {source.dtypes[0]}), no surface model"
             raise InputError(path, found, EXPECTED)
         notes: list[str] = []
@@ -88,12 +92,14 @@ def inspect(path: Path, unit: HeightUnit | None = None, nodata: float | None = N
         heights = (overview * scale + offset) * meters_per_unit
         reason = picture_reason(source, nodata, scale * meters_per_unit, heights, overview)
         if reason:
-            raise InputError(path, f"a picture, no surface model: {reason}", EXPECTED)
+            unit_hint = "; or terrain.unit, if they are centimeters or millimeters"
+            expected = EXPECTED + (unit_hint if "would be heights" in reason else "")
+            raise InputError(path, f"a picture, no surface model: {reason}", expected)
         note_impossible(heights, overview, notes)
-        zero_is_unknown = nodata != 0.0 and offset == 0.0 and zeros_are_border(heights)
+        zero_is_unknown = nodata != 0.0 and offset == 0.0 and zeros_are_unknown(heights)
         if zero_is_unknown:
             notes.append(
-                "zeros at the border, beside much higher ground, are taken for unknown, not for ground"
+                "zeros at the border or in holes, beside much higher ground, are taken for unknown, not for ground"
             )
         return SurfaceModel(
             path, meters_per_unit, scale, offset, nodata, _datum(source), zero_is_unknown, tuple(notes)
@@ -148,6 +154,9 @@ def resample(
                 continue
             values = source.read(1, window=window)
             heights = _heights(model, values)
+            masked = masked_cells(source, window=window)
+            if masked is not None:
+                heights[masked] = np.nan
             part = np.full((rows, shape[1]), np.nan, dtype=np.float32)
             reproject(
                 heights,
@@ -162,6 +171,11 @@ def resample(
             )
             result[row : row + rows] = part
     return result
+
+
+def _is_one_band(source: rasterio.DatasetReader) -> bool:
+    """Of heights; an alpha band beside it says where there are any."""
+    return source.count == 1 or (source.count == 2 and source.colorinterp[1] == ColorInterp.alpha)
 
 
 def _meters_per_unit(source: rasterio.DatasetReader, told: HeightUnit | None, notes: list[str]) -> float:

@@ -185,7 +185,7 @@ def _latitudes_in_degrees(usual: float) -> str:
     if usual > 1e7:
         return f"latitudes in degrees; they are about {usual:.3g}: ten millionths (unit: degE7)?"
     if usual > 360.0:
-        return f"latitudes in degrees; they are about {usual:.7g}: metres of a projection (UTM), to be converted to WGS84?"
+        return f"latitudes in degrees; they are about {usual:.7g}: metres of a projection (UTM)? Convert them to WGS84"
     return "latitudes of at most 90 degrees: are latitude and longitude exchanged?"
 
 

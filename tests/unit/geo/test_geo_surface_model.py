@@ -13,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from pyproj import Transformer
+from rasterio.enums import ColorInterp
 from rasterio.transform import Affine, from_origin
 
 from pipeline.errors import InputError
@@ -319,3 +320,64 @@ def test_a_shared_raster_that_is_no_model_is_refused(name: str, found: str) -> N
         pytest.skip("no shared data beside the repository")
     with pytest.raises(InputError, match=found):
         load(SHARED / name)
+
+
+def masked(folder: Path, name: str) -> Path:
+    """The plane with a hole of zeros that only a mask, an alpha band or nothing at all tells from ground."""
+    blank = write(folder / "blank.tif", np.ones((SIZE, SIZE), np.float32))
+    heights = f32(plane(from_origin(WEST, NORTH, 1.0, 1.0), UTM, (SIZE, SIZE), frame_of(blank)))
+    heights[40:60, 40:60] = 0.0
+    known = np.full((SIZE, SIZE), 255, np.uint8)
+    known[40:60, 40:60] = 0
+    path = folder / f"{name}.tif"
+    if name == "alpha":
+        write(path, np.stack([heights, known.astype(np.float32)]))
+        with rasterio.open(path, "r+") as target:
+            target.colorinterp = [ColorInterp.gray, ColorInterp.alpha]
+        return path
+    write(path, heights)
+    if name != "nothing":
+        with rasterio.Env(GDAL_TIFF_INTERNAL_MASK=name == "inside"), rasterio.open(path, "r+") as target:
+            target.write_mask(known)
+    return path
+
+
+@pytest.mark.parametrize("name", ["inside", "beside", "alpha", "nothing"])
+def test_a_hole_is_unknown_whoever_says_that_it_is_one(tmp_path: Path, name: str) -> None:
+    terrain, model = load(masked(tmp_path, name))
+    assert np.isnan(terrain.height(-10.0, 10.0))
+    assert terrain.height(-40.0, 40.0) == pytest.approx(98.0, abs=0.1)
+    assert model.zero_is_unknown == (name == "nothing")
+
+
+def test_a_lake_at_zero_with_flat_shores_stays(tmp_path: Path) -> None:
+    distance = np.hypot(*(np.mgrid[:SIZE, :SIZE] - 60.0))
+    path = write(tmp_path / "lake.tif", np.maximum(0.0, 0.3 * (distance - 20.0)).astype(np.float32))
+    terrain, model = load(path)
+    assert not model.zero_is_unknown
+    assert terrain.height(0.0, 0.0) == 0.0
+
+
+def test_a_grid_without_a_crs_says_how_to_give_it_one_and_takes_it(tmp_path: Path) -> None:
+    rows = "\n".join(" ".join(f"{100 + 0.1 * (c - 60):.2f}" for c in range(SIZE)) for _ in range(SIZE))
+    grid = tmp_path / "tile.asc"
+    head = f"ncols {SIZE}\nnrows {SIZE}\nxllcorner {WEST}\nyllcorner {NORTH - SIZE}\ncellsize 1\nNODATA_value -9999\n"
+    grid.write_text(head + rows + "\n", encoding="ascii")
+    with pytest.raises(InputError, match=r"CRS: found none; .*\.prj beside it"):
+        inspect(grid)
+    grid.with_suffix(".prj").write_text(
+        rasterio.crs.CRS.from_epsg(32633).to_wkt("WKT1_ESRI"), encoding="ascii"
+    )
+    assert load(grid)[0].height(0.0, 0.0) == pytest.approx(100.0, abs=0.1)
+
+
+def millimetres(heights: NDArray[np.float64]) -> NDArray[np.int32]:
+    return np.round(1000.0 * heights).astype(np.int32)
+
+
+def test_heights_in_millimetres_are_read_where_it_is_said_and_named_where_not(tmp_path: Path) -> None:
+    said = load(made(tmp_path / "said.tif", millimetres, units="mm"))[0]
+    told = load(made(tmp_path / "told.tif", millimetres), unit="millimeters")[0]
+    assert said.height(0.0, 0.0) == told.height(0.0, 0.0) == pytest.approx(100.0, abs=0.1)
+    with pytest.raises(InputError, match=r"terrain\.unit, if they are centimeters or millimeters"):
+        inspect(made(tmp_path / "unsaid.tif", millimetres))
