@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta, timezone
@@ -41,6 +42,11 @@ _FIELDS = {
 }
 _EXIF, _GPS = 0x8769, 0x8825
 _TAKEN, _SUBSECONDS, _OFFSET, _FOCAL_35MM = 0x9003, 0x9291, 0x9011, 0xA405
+#: of the file, where a program has thrown the date of the picture away
+_DIGITIZED, _CHANGED = 0x9004, 0x0132
+#: what DJI's drones of several cameras put behind a name, the one that is searched in first: visible, wide, zoom
+_LENS = re.compile(r"_([VWZTS])\.\w+$", re.IGNORECASE)
+_PREFERRED = "VWZTS"
 _MAKE, _MODEL, _ORIENTATION = 0x010F, 0x0110, 0x0112
 
 
@@ -98,7 +104,28 @@ def dated_stills(folder: Path) -> tuple[list[StillTags], LeftOut]:
             dated.append(tags)
     if not dated:
         raise InputError(folder, f"no still with a date, of {len(files)}", EXPECTED)
-    return sorted(dated, key=lambda s: (s.date_ns or 0, s.path.name)), left_out
+    kept = _of_one_camera(dated)
+    of_it = {tags.path for tags in kept}
+    for tags in dated:
+        if tags.path not in of_it:
+            left_out.add("other_camera", tags.path.name)
+    return sorted(kept, key=lambda s: (s.date_ns or 0, s.path.name)), left_out
+
+
+def _of_one_camera(stills: Sequence[StillTags]) -> list[StillTags]:
+    """A drone takes with all its cameras at once: the stills of one, by the letter in their names, or their size.
+
+    Of letters the most preferred, of sizes the one that most have, of them the largest.
+    """
+    letters = {m[1].upper() for s in stills if (m := _LENS.search(s.path.name)) is not None}
+    if len(letters) > 1:
+        letter = min(letters, key=_PREFERRED.index)
+        return [s for s in stills if (m := _LENS.search(s.path.name)) is not None and m[1].upper() == letter]
+    sizes = Counter(s.size for s in stills if s.size != (0, 0))
+    if len(sizes) < 2:
+        return list(stills)
+    usual = max(sizes, key=lambda size: (sizes[size], size[0] * size[1]))
+    return [s for s in stills if s.size in (usual, (0, 0))]
 
 
 def tags_of(path: Path) -> StillTags:
@@ -113,7 +140,7 @@ def tags_of(path: Path) -> StillTags:
             head = file.read(_HEAD_BYTES)
     except (OSError, ValueError, SyntaxError, EOFError, Image.DecompressionBombError):
         return StillTags(path, None, False, {}, None)
-    date_ns, is_utc = _date(own)
+    date_ns, is_utc = _date({_CHANGED: exif.get(_CHANGED), **own})
     focal = _number(own.get(_FOCAL_35MM))
     xmp = {m[1].decode(): (m[2] or m[3] or b"").decode("ascii", "replace") for m in _XMP.finditer(head)}
     values = _position(gps) | ({"focal_length_35mm": focal} if focal else {}) | _of_xmp(xmp)
@@ -136,9 +163,9 @@ def _camera(make: object, model: object) -> str | None:
 
 
 def _date(tags: Mapping[int, Any]) -> tuple[int | None, bool]:
-    try:
-        moment = datetime.strptime(str(tags.get(_TAKEN)).strip("\0 "), "%Y:%m:%d %H:%M:%S")
-    except ValueError:
+    written = (str(tags.get(tag) or "").strip("\0 ") for tag in (_TAKEN, _DIGITIZED, _CHANGED))
+    moment = next((m for text in written if (m := _moment(text)) is not None), None)
+    if moment is None:
         return None, False
     digits = re.match(r"\d+", str(tags.get(_SUBSECONDS, "")).strip())
     part_s = float(f"0.{digits.group()}") if digits else 0.0
@@ -151,6 +178,13 @@ def _date(tags: Mapping[int, Any]) -> tuple[int | None, bool]:
     return whole_s * 1_000_000_000 + round(part_s * 1e9), offset is not None
 
 
+def _moment(text: str) -> datetime | None:
+    try:
+        return datetime.strptime(text.replace("-", ":"), "%Y:%m:%d %H:%M:%S")
+    except ValueError:
+        return None
+
+
 def _position(gps: Mapping[int, Any]) -> dict[str, float]:
     values = {}
     for name, sign_tag, tag, negative in (("latitude", 1, 2, "S"), ("longitude", 3, 4, "W")):
@@ -158,7 +192,9 @@ def _position(gps: Mapping[int, Any]) -> dict[str, float]:
         numbers = [_number(p) for p in parts] if isinstance(parts, tuple) else []
         if len(numbers) == 3 and all(n is not None for n in numbers):
             degrees = sum((n or 0.0) / 60.0**k for k, n in enumerate(numbers))
-            values[name] = -degrees if str(gps.get(sign_tag, "")).startswith(negative) else degrees
+            letter = gps.get(sign_tag, "")
+            letter = letter.decode("ascii", "replace") if isinstance(letter, bytes) else str(letter)
+            values[name] = -degrees if letter.strip("\0 ").upper().startswith(negative) else degrees
     height = _number(gps.get(6))
     if height is not None:
         below = gps.get(5) in (1, b"\x01")
