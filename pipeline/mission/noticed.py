@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
@@ -14,6 +14,7 @@ from pipeline.ingest.checks.bursts import BurstParams
 from pipeline.ingest.checks.motion_check import MotionCheckParams, Other, check_motion
 from pipeline.ingest.checks.picture_motion import Motion, MotionParams, picture_motion
 from pipeline.ingest.checks.predicted_motion import Predictor
+from pipeline.ingest.checks.shared_ground import Filmed, check_shared_ground
 from pipeline.ingest.checks.track_checks import (
     check_duration,
     check_sky,
@@ -79,7 +80,20 @@ def _of_motion(prepared: PreparedMission) -> list[Finding]:
             if s.stream != stream.stream and s.stream in motions
         }
         findings += check_motion(where, _predictor(prepared, motions, stream.stream, stream), others, params)
-    return findings
+    return findings + _of_shared_ground(prepared, motions, findings)
+
+
+def _of_shared_ground(
+    prepared: PreparedMission, motions: Mapping[str, Motion], found: Sequence[Finding]
+) -> list[Finding]:
+    """What the ground that several streams show says, of those of which their motion has not said the same."""
+    said = {f.where for f in found if f.cause == "exchanged"}
+    filmed = {
+        s.stream: Filmed(str(c.telemetry.file), motions[s.stream], s.trajectory, prepared.cameras[s.stream])
+        for s, c in zip(prepared.streams, prepared.mission.streams, strict=True)
+        if s.stream in motions
+    }
+    return [f for f in check_shared_ground(filmed, prepared.terrain) if f.where not in said]
 
 
 def _predictor(

@@ -32,14 +32,16 @@ class MotionCheckParams:
     least_misfit: what remains is taken to be at least this, however exact a telemetry is. most_bursts: that count;
     with more, the small errors of right telemetry would be found. alike: kinds whose strengths differ by no more
     cannot be told apart. least_motion_px: of the median patch; with less there is nothing to compare. least_patches:
-    that must be found again. least_share: of the bursts that must have poses.
+    that must be found again. least_share: of the bursts that must have poses. least_focal_motion: squared, in
+    deviations, by which a focal length that is 15 % longer must change the motion, or this tells nothing of it: an
+    orbit about what is looked at has 0.1 at most, other flights 0.5 at least.
     """
 
     noise_px: float = 0.3
     noise_share: float = 0.06
     noise_rad: float = 0.0045
     most_misfit: float = 2.1
-    most_strength: float = 16.2
+    most_strength: float = 12.8
     most_clock_strength: float = 30.4
     least_misfit: float = 0.4
     most_bursts: int = 16
@@ -47,6 +49,7 @@ class MotionCheckParams:
     least_motion_px: float = 1.0
     least_patches: int = 24
     least_share: float = 0.6
+    least_focal_motion: float = 0.25
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,7 +149,8 @@ def check_motion(
     as_it_is, of_bursts = misfit_of(own, Assumption(), params), misfits_of(own, Assumption(), params)
     if as_it_is <= params.most_misfit and strength(bursts, as_it_is, 0.0, params) <= params.most_strength:
         return []  # whatever explained all of it
-    found = [_best(cause, lambda a: misfit_of(own, a, params, of_bursts)) for cause in _GRIDS]
+    kinds = [kind for kind in _GRIDS if kind != "focal_length" or _tells_focal_length(own, params)]
+    found = [_best(kind, lambda a: misfit_of(own, a, params, of_bursts)) for kind in kinds]
     found += _exchanged(others, params)
     found.sort(key=lambda fit: fit.misfit)
     strong = [f for f in found if strength(bursts, as_it_is, f.misfit, params) > _most(f.cause, params)]
@@ -183,6 +187,15 @@ def shows_motion(motion: Motion, params: MotionCheckParams) -> bool:
     if len(measured) < params.least_patches:
         return False
     return float(np.median(np.hypot(*measured.T))) >= params.least_motion_px
+
+
+def _tells_focal_length(own: Predictor, params: MotionCheckParams) -> bool:
+    """Whether the flight moves the ground through the pictures otherwise with another focal length."""
+    longer, usual = (own.displacement_px(Assumption(focal_scale=scale)) for scale in (1.15, 1.0))
+    sd_px = deviations_px(own.motion.displacement_px, own.focal_px, params)
+    changes = burst_misfits(longer, usual, own.motion.burst, sd_px)
+    known = changes[~np.isnan(changes)]
+    return bool(len(known)) and float(known.mean()) >= params.least_focal_motion
 
 
 def _most(cause: str, params: MotionCheckParams) -> float:

@@ -1,7 +1,6 @@
 """How the ground moves through the pictures of a video: displacements of patches between pictures of short bursts.
 
-Patches are matched by phase correlation (C. D. Kuglin, D. C. Hines, "The phase correlation image alignment method",
-Proc. IEEE Conf. Cybernetics and Society, 1975), first the whole picture, then each patch about its displacement.
+Patches are matched by phase correlation, first the whole picture, then each patch about its displacement.
 """
 
 from __future__ import annotations
@@ -14,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.ingest.checks.bursts import Burst, BurstParams, Gray, bursts_of
+from pipeline.ingest.checks.phase_correlation import shift
 from pipeline.messages import FloatArray
 
 
@@ -38,6 +38,7 @@ class Motion:
 
     from_px, to_px: (M, 2), the patch's middle in both, in pixels of the full-size picture. burst: (M,), its number.
     scale: full-size pixels per pixel that was compared. bursts: how many there were, with or without patches.
+    sights: the first picture of each, uint8 (rows, columns), and its time.
     """
 
     first_s: FloatArray
@@ -47,6 +48,7 @@ class Motion:
     burst: NDArray[np.int64]
     scale: float
     bursts: int
+    sights: tuple[tuple[float, NDArray[np.uint8]], ...] = ()
 
     @property
     def displacement_px(self) -> FloatArray:
@@ -65,8 +67,10 @@ def picture_motion(
     params = params or MotionParams()
     rows: list[tuple[float, float, FloatArray, FloatArray, int]] = []
     number, scale = -1, 1.0
+    sights: list[tuple[float, NDArray[np.uint8]]] = []
     for number, (burst, scale) in enumerate(bursts_of(path, duration_s, size, params.bursts, threads)):
         second_s, found = _farthest(burst, params)
+        sights.append((burst.times_s[0], burst.pictures[0].astype(np.uint8)))
         rows += [(burst.times_s[0], second_s, start * scale, end * scale, number) for start, end in found]
     firsts, seconds, start_px, end_px, of_burst = zip(*rows, strict=True) if rows else ((), (), (), (), ())
     return Motion(
@@ -77,6 +81,7 @@ def picture_motion(
         np.array(of_burst, np.int64),
         scale,
         number + 1,
+        tuple(sights),
     )
 
 
@@ -95,7 +100,7 @@ def _farthest(burst: Burst, params: MotionParams) -> tuple[float, list[tuple[Flo
 
 def matched(first: Gray, second: Gray, params: MotionParams) -> Iterator[tuple[FloatArray, FloatArray]]:
     """Middles of the patches of one picture, and where they are in another, pixels (x, y)."""
-    whole, _ = _shift(first, second)
+    whole, _ = shift(first, second)
     half = params.patch_px // 2
     height, width = first.shape
     right, down = round(whole[0]), round(whole[1])
@@ -107,30 +112,7 @@ def matched(first: Gray, second: Gray, params: MotionParams) -> Iterator[tuple[F
             to_x, to_y = x + right, y + down
             a = first[y - half : y + half, x - half : x + half]
             b = second[to_y - half : to_y + half, to_x - half : to_x + half]
-            moved, peak = _shift(a, b)
+            moved, peak = shift(a, b)
             if peak >= params.least_peak and np.abs(moved).max() < 0.35 * params.patch_px:
                 start = np.array([x, y], dtype=np.float64)
                 yield start, np.array([to_x, to_y]) + moved
-
-
-def _shift(first: Gray, second: Gray) -> tuple[FloatArray, float]:
-    """How far (x, y) the second picture's contents are from the first's, and how clear that is."""
-    window = np.outer(np.hanning(first.shape[0]), np.hanning(first.shape[1])).astype(np.float32)
-    a, b = (np.fft.rfft2((picture - picture.mean()) * window) for picture in (first, second))
-    cross = np.conj(a) * b
-    cross /= np.maximum(np.abs(cross), 1e-6)
-    surface = np.fft.irfft2(cross, s=first.shape)
-    y, x = np.unravel_index(int(np.argmax(surface)), surface.shape)
-    peak = float((surface[y, x] - surface.mean()) / (surface.std() + 1e-9))
-    shift = [_refined(surface[y, :], int(x)), _refined(surface[:, x], int(y))]
-    return np.array(shift), peak
-
-
-def _refined(line: FloatArray, at: int) -> float:
-    """The place of a peak, by a parabola through it and its neighbours; beyond the middle it is negative."""
-    n = len(line)
-    left, middle, right = line[(at - 1) % n], line[at], line[(at + 1) % n]
-    bend = left - 2.0 * middle + right
-    offset = 0.5 * (left - right) / bend if bend < 0.0 else 0.0
-    place = at + float(np.clip(offset, -0.5, 0.5))
-    return place - n if place > n / 2 else place
