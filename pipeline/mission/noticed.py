@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
@@ -14,7 +14,7 @@ from pipeline.ingest.checks.bursts import BurstParams
 from pipeline.ingest.checks.motion_check import MotionCheckParams, Other, check_motion
 from pipeline.ingest.checks.picture_motion import Motion, MotionParams, picture_motion
 from pipeline.ingest.checks.predicted_motion import Predictor
-from pipeline.ingest.checks.shared_ground import Filmed, check_shared_ground
+from pipeline.ingest.checks.shared_ground import Filmed, SharedGround, check_shared_ground
 from pipeline.ingest.checks.track_checks import (
     check_duration,
     check_sky,
@@ -60,11 +60,15 @@ def _of_samples(prepared: PreparedMission) -> list[Finding]:
 
 
 def _of_motion(prepared: PreparedMission) -> list[Finding]:
-    findings = []
+    """What the pictures' motion says, of streams of which the ground that they share does not say more."""
     params = MotionCheckParams()
     motions = _motions(prepared)
+    ground = _shared_ground(prepared, motions)
+    findings = list(ground.findings)
     for stream, config in zip(prepared.streams, prepared.mission.streams, strict=True):
         where = str(config.telemetry.file)
+        if stream.stream in ground.exchanged:
+            continue
         if stream.stream not in motions:
             coarse = too_coarse(prepared.tracks[stream.stream])
             findings.append(
@@ -77,23 +81,21 @@ def _of_motion(prepared: PreparedMission) -> list[Finding]:
                 _predictor(prepared, motions, s.stream, stream),
             )
             for s in prepared.streams
-            if s.stream != stream.stream and s.stream in motions
+            if s.stream != stream.stream
+            and s.stream in motions
+            and frozenset((s.stream, stream.stream)) not in ground.apart
         }
         findings += check_motion(where, _predictor(prepared, motions, stream.stream, stream), others, params)
-    return findings + _of_shared_ground(prepared, motions, findings)
+    return findings
 
 
-def _of_shared_ground(
-    prepared: PreparedMission, motions: Mapping[str, Motion], found: Sequence[Finding]
-) -> list[Finding]:
-    """What the ground that several streams show says, of those of which their motion has not said the same."""
-    said = {f.where for f in found if f.cause == "exchanged"}
+def _shared_ground(prepared: PreparedMission, motions: Mapping[str, Motion]) -> SharedGround:
     filmed = {
         s.stream: Filmed(str(c.telemetry.file), motions[s.stream], s.trajectory, prepared.cameras[s.stream])
         for s, c in zip(prepared.streams, prepared.mission.streams, strict=True)
         if s.stream in motions
     }
-    return [f for f in check_shared_ground(filmed, prepared.terrain) if f.where not in said]
+    return check_shared_ground(filmed, prepared.terrain)
 
 
 def _predictor(

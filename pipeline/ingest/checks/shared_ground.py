@@ -69,34 +69,48 @@ class _View:
     box: FloatArray
 
 
+@dataclass(frozen=True)
+class SharedGround:
+    """findings: two, one for each, of every two streams that have each other's telemetry.
+
+    exchanged: those streams. apart: pairs of streams whose ground lies in one place by their own telemetry.
+    """
+
+    findings: tuple[Finding, ...]
+    exchanged: frozenset[str]
+    apart: frozenset[frozenset[str]]
+
+
 def check_shared_ground(
     filmed: Mapping[str, Filmed], terrain: Terrain, params: SharedGroundParams | None = None
-) -> list[Finding]:
-    """Two findings, one for each, of every two streams that have each other's telemetry. filmed: by their names."""
+) -> SharedGround:
+    """Of all pairs of streams. filmed: by their names."""
     params = params or SharedGroundParams()
-    findings = []
+    findings: list[Finding] = []
+    exchanged, apart = set[str](), set[frozenset[str]]()
     for (name, one), (other_name, other) in itertools.combinations(filmed.items(), 2):
         if not _apart(one, other, terrain, params):
             continue
-        told = agreeing(
-            _views(one, one.trajectory, terrain), _views(other, other.trajectory, terrain), terrain, params
-        )
+        own = _views(one, one.trajectory, terrain), _views(other, other.trajectory, terrain)
+        told = agreeing(*own, terrain, params)
+        if told >= params.least_agreeing:
+            apart.add(frozenset((name, other_name)))
         if told > params.most_agreeing:
             continue
-        exchanged = agreeing(
-            _views(one, other.trajectory, terrain), _views(other, one.trajectory, terrain), terrain, params
-        )
-        if exchanged < params.least_agreeing:
+        others = _views(one, other.trajectory, terrain), _views(other, one.trajectory, terrain)
+        count = agreeing(*others, terrain, params)
+        if count < params.least_agreeing:
             continue
+        exchanged |= {name, other_name}
         evidence = (
-            f"of the ground that both show, {exchanged} pairs of pictures agree with the telemetry exchanged (at least "
+            f"of the ground that both show, {count} pairs of pictures agree with the telemetry exchanged (at least "
             f"{params.least_agreeing}), {told} as it is (at most {params.most_agreeing})"
         )
         for stream, its in ((one, other_name), (other, name)):
             text = f"what both drones filmed lies in one place only with the telemetry of {its}"
             mend = "exchange the streams' telemetry.file"
             findings.append(Finding("warning", "exchanged", stream.where, text, evidence, mend))
-    return findings
+    return SharedGround(tuple(findings), frozenset(exchanged), frozenset(apart))
 
 
 def agreeing(

@@ -60,9 +60,11 @@ def filmed(name: str, true: Trajectory, told: Trajectory, texture: NDArray[np.fl
 def found(
     one: tuple[Trajectory, Trajectory], other: tuple[Trajectory, Trajectory], seeds: tuple[int, int]
 ) -> list[str]:
-    """one, other: the true way and the one that its telemetry tells."""
+    """one, other: the true way and the one that its telemetry tells. Findings; without, how many pairs agree."""
     streams = {n: filmed(n, *ways, ground(s)) for n, ways, s in zip("ab", (one, other), seeds, strict=True)}
-    return [f"{f.cause} {f.where}" for f in check_shared_ground(streams, TERRAIN)]
+    shared = check_shared_ground(streams, TERRAIN)
+    assert shared.exchanged == (frozenset("ab") if shared.findings else frozenset())
+    return [f"{f.cause} {f.where}" for f in shared.findings] or [str(len(shared.apart))]
 
 
 WAYS = {
@@ -78,25 +80,25 @@ def test_exchanged_telemetry_of_drones_that_fly_alike_is_seen_on_the_ground(name
     one, other = WAYS[name]
     told = [lane(float(w.positions_enu[0, 0]), float(np.degrees(w.angles_rad[0, 0])), o, float(w.positions_enu[0, 2]))
             for w, o in ((one, off_m), (other, -off_m / 2))]  # fmt: skip
-    assert found((one, told[0]), (other, told[1]), (1, 1)) == []
+    assert found((one, told[0]), (other, told[1]), (1, 1)) == ["1"]
     assert found((one, told[1]), (other, told[0]), (1, 1)) == ["exchanged a.srt", "exchanged b.srt"]
 
 
 def test_drones_over_different_ground_are_not_called_exchanged() -> None:
     one, other = WAYS["lane beside lane"]
-    assert found((one, other), (other, one), (1, 2)) == []
+    assert found((one, other), (other, one), (1, 2)) == ["0"]
     far = lane(90.0)
-    assert found((one, one), (far, far), (1, 1)) == []
+    assert found((one, one), (far, far), (1, 1)) == ["0"]
 
 
 def test_two_cameras_of_one_drone_are_not_exchanged() -> None:
     one = lane(0.0)
-    assert found((one, lane(0.3)), (lane(0.3), one), (1, 2)) == []
-    assert found((one, lane(0.3)), (lane(0.3), one), (1, 1)) == []
+    assert found((one, lane(0.3)), (lane(0.3), one), (1, 2)) == ["0"]
+    assert found((one, lane(0.3)), (lane(0.3), one), (1, 1)) == ["0"]
 
 
 def test_ground_without_texture_tells_nothing() -> None:
     one, other = WAYS["lane beside lane"]
     flat = np.full((1000, 1000), 90.0)
     streams = {"a": filmed("a", one, other, flat), "b": filmed("b", other, one, flat)}
-    assert check_shared_ground(streams, TERRAIN) == []
+    assert check_shared_ground(streams, TERRAIN).findings == ()
