@@ -32,9 +32,8 @@ class SharedGroundParams:
 
     most_pairs: that are matched, those that share most. least_filled: of an overlap's cells in sight of both.
     least_peak: of a match, see ``MotionParams``. near_share: of the height above the ground, within which pairs agree.
-    least_agreeing: pairs with the telemetry exchanged; most_agreeing: with it as it is, to be called exchanged (see
-    docs/checks.md). least_apart: of the height, that the drones are apart from each other: a drone with two cameras has
-    one way.
+    least_agreeing: pairs that agree, and times_more: than the other way round, to be believed (see docs/checks.md).
+    least_apart: of the height, that the drones are apart from each other: a drone with two cameras has one way.
     """
 
     cells: int = 112
@@ -44,7 +43,7 @@ class SharedGroundParams:
     least_peak: float = 7.5
     near_share: float = 0.08
     least_agreeing: int = 4
-    most_agreeing: int = 1
+    times_more: int = 3
     least_apart: float = 0.15
 
 
@@ -92,19 +91,16 @@ def check_shared_ground(
         if not _apart(one, other, terrain, params):
             continue
         own = _views(one, one.trajectory, terrain), _views(other, other.trajectory, terrain)
-        told = agreeing(*own, terrain, params)
-        if told >= params.least_agreeing:
-            apart.add(frozenset((name, other_name)))
-        if told > params.most_agreeing:
-            continue
         others = _views(one, other.trajectory, terrain), _views(other, one.trajectory, terrain)
-        count = agreeing(*others, terrain, params)
-        if count < params.least_agreeing:
+        told, count = agreeing(*own, terrain, params), agreeing(*others, terrain, params)
+        if told >= max(params.least_agreeing, params.times_more * count):
+            apart.add(frozenset((name, other_name)))
+        if count < max(params.least_agreeing, params.times_more * told):
             continue
         exchanged |= {name, other_name}
         evidence = (
-            f"of the ground that both show, {count} pairs of pictures agree with the telemetry exchanged (at least "
-            f"{params.least_agreeing}), {told} as it is (at most {params.most_agreeing})"
+            f"of the ground that both show, {count} pairs of pictures agree with the telemetry exchanged, {told} as it "
+            f"is (at least {params.least_agreeing}, and {params.times_more} times as many, are believed)"
         )
         for stream, its in ((one, other_name), (other, name)):
             text = f"what both drones filmed lies in one place only with the telemetry of {its}"
