@@ -70,8 +70,8 @@ class Fuser:
         substreams: Mapping[tuple[str, str], SubstreamModel] | None = None,
     ) -> None:
         """cameras: by stream. relative_accuracy: p_det^rel in 0..1 by detector, else InputError. substreams: by
-        stream and detector, what each is worth at its bitrate, in place of relative_accuracy; not for the paper's
-        rule.
+        stream and detector, what each is worth at its bitrate, in place of relative_accuracy, at the plan's epoch 0;
+        not for the paper's rule.
 
         folder: where the maps may put what does not fit into memory. owned: the tiles that this fuser keeps,
         see sharding; all if absent.
@@ -95,10 +95,17 @@ class Fuser:
         self._optics = {stream: OpticsByFocalLength(camera, params) for stream, camera in cameras.items()}
         paper = params.update_rule == "paper"
         self._uncertainty = EXACT if paper else params.uncertainty
-        self._substreams = {} if paper else dict(substreams or {})
-        self._found: dict[tuple[str, str, str], FloatArray | None] = {}
+        self._paper = paper
+        self._substreams = {} if paper else {(*key, 0): worth for key, worth in (substreams or {}).items()}
+        self._found: dict[tuple[str, str, int, str], FloatArray | None] = {}
         self.last_ns: dict[tuple[str, str], int] = {}
         self.viewpoints = Viewpoints(cameras)
+
+    def learn(self, stream: str, detector: str, epoch: int, relative: float, worth: SubstreamModel) -> None:
+        """What a substream that is opened at a later epoch is worth; see __init__."""
+        self._p_detector.setdefault(detector, relative)
+        if not self._paper:
+            self._substreams[stream, detector, epoch] = worth
 
     def apply(self, detections: Detections) -> None:
         """Apply one frame's result: first what it raises, then what it lowers.
@@ -301,7 +308,7 @@ class Fuser:
 
     def _worth(self, detections: Detections) -> SubstreamModel:
         """Of the detections' substream."""
-        known = self._substreams.get((detections.stream, detections.detector))
+        known = self._substreams.get((detections.stream, detections.detector, detections.epoch))
         if known is not None:
             return known
         relative = self._p_detector[detections.detector]
@@ -311,7 +318,7 @@ class Fuser:
         """See VoxelMap.observe. One table for every zoom: at a share of the greatest distance, which grows with the
         focal length, people are as large in the picture.
         """
-        key = (detections.stream, detections.detector, model.object_class.name)
+        key = (detections.stream, detections.detector, detections.epoch, model.object_class.name)
         if key not in self._found:
             distances_m = np.linspace(0.0, model.max_distance_m, _STEPS)
             width = self._optics_of(detections).camera.width

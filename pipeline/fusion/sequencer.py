@@ -13,20 +13,25 @@ from dataclasses import dataclass
 from pipeline.messages import Detections, Dropped, EndOfStream
 
 Substream = tuple[str, str]
+#: a substream at one epoch of the mission's plan
+Opened = tuple[str, str, int]
 Order = tuple[int, str, str]
 
 
 @dataclass(frozen=True)
 class SequencerState:
-    """All that a sequencer knows: see Sequencer. applied_ns, newest_ns: by substream."""
+    """All that a sequencer knows: see Sequencer. applied_ns: by substream. newest_ns: by every substream
+    and epoch that was ever open; None before the first result. closed: of these, by ``close``.
+    """
 
-    open: list[Substream]
-    newest_ns: dict[Substream, int]
+    open: list[Opened]
+    newest_ns: dict[Opened, int | None]
     applied_ns: dict[Substream, array[int]]
     waiting: list[Detections]
     released: Order | None
     refused: dict[tuple[str, str, str], int]
     late: dict[Substream, int]
+    closed: list[Opened]
 
 
 class Sequencer:
@@ -38,8 +43,11 @@ class Sequencer:
     result is released once every open substream has come as far, however long that takes; each substream must
     then send in order of time, perhaps again after a restart.
 
+    A substream that is opened again at another epoch of the plan is waited for anew; results of the one before may
+    still come. The same frame of the same substream is the same result, whatever its epoch.
+
     late: results released out of their place, by substream. refused: what was dropped, by (stream, detector,
-    reason). "duplicate": it came before. "before the start". "unknown substream".
+    reason). "duplicate": it came before. "before the start". "unknown substream". "closed": its substream was.
     """
 
     def __init__(
@@ -48,32 +56,54 @@ class Sequencer:
         lateness_ns: int | None,
         start_ns: Mapping[str, int] | None = None,
     ) -> None:
-        """lateness_ns: how long a result is waited for, by the time of capture; None: for ever.
+        """substreams: open from the start, at epoch 0.
+
+        lateness_ns: how long a result is waited for, by the time of capture; None: for ever.
 
         start_ns: capture time of each stream's first frame.
         """
         self.refused: Counter[tuple[str, str, str]] = Counter()
         self.late: Counter[Substream] = Counter()
         self._lateness_ns, self._start_ns = lateness_ns, start_ns or {}
-        self._open = set(substreams)
-        self._newest: dict[Substream, float] = dict.fromkeys(substreams, -math.inf)
+        self._open: set[Opened] = {(*key, 0) for key in substreams}
+        self._newest: dict[Opened, float] = dict.fromkeys(self._open, -math.inf)
+        self._latest = -math.inf
+        self._closed: set[Opened] = set()
         self._applied: dict[Substream, array[int]] = {key: array("q") for key in substreams}
         self._waiting: list[Order] = []
         self._results: dict[Order, Detections] = {}
         self._released: Order | None = None
 
+    @property
+    def open(self) -> frozenset[Opened]:
+        """Substreams that are waited for, with their epoch."""
+        return frozenset(self._open)
+
+    def open_again(self, stream: str, detector: str, epoch: int) -> None:
+        """Wait for a substream from now on; once it was closed it stays so."""
+        if (stream, detector, epoch) not in self._newest:
+            self._open.add((stream, detector, epoch))
+            self._newest[stream, detector, epoch] = -math.inf
+            self._applied.setdefault((stream, detector), array("q"))
+
+    def close(self, stream: str, detector: str, epoch: int) -> list[Detections]:
+        """Take no more of a substream; the results that this releases, in order."""
+        self._closed.add((stream, detector, epoch))
+        return self._end((stream, detector, epoch))
+
     def push(self, message: Detections | Dropped | EndOfStream) -> list[Detections]:
         """Take one message and return the results that it releases, in order."""
         substream = message.stream, message.detector
+        opened = (*substream, message.epoch)
         reason = self._reason_to_refuse(substream, message)
         if reason is not None:
             self.refused[(*substream, reason)] += 1
             return []
         if isinstance(message, EndOfStream):
-            self._open.discard(substream)
-            return self._release(self._watermark())
+            return self._end(opened)
         late = self._take(substream, message) if isinstance(message, Detections) else []
-        self._newest[substream] = max(self._newest[substream], message.time_ns)
+        self._newest[opened] = max(self._newest[opened], message.time_ns)
+        self._latest = max(self._latest, message.time_ns)
         return late + self._release(self._watermark())
 
     def finish(self) -> list[Detections]:
@@ -86,22 +116,31 @@ class Sequencer:
         """A copy of what is needed to go on later."""
         return SequencerState(
             sorted(self._open),
-            {key: int(newest) for key, newest in self._newest.items() if newest > -math.inf},
+            {key: None if newest == -math.inf else int(newest) for key, newest in self._newest.items()},
             {key: array("q", times) for key, times in self._applied.items()},
             [self._results[order] for order in sorted(self._waiting)],
             self._released,
             dict(self.refused),
             dict(self.late),
+            sorted(self._closed),
         )
 
     def restore(self, state: SequencerState) -> None:
         """Go on where another sequencer of the same substreams stopped."""
         self._open = set(state.open)
-        self._newest |= state.newest_ns
+        self._newest |= {
+            key: -math.inf if newest is None else newest for key, newest in state.newest_ns.items()
+        }
+        self._latest = max(self._newest.values(), default=-math.inf)
         self._applied |= {key: array("q", times) for key, times in state.applied_ns.items()}
         self._results = {result.order: result for result in state.waiting}
         self._waiting, self._released = sorted(self._results), state.released
         self.refused, self.late = Counter(state.refused), Counter(state.late)
+        self._closed = set(state.closed)
+
+    def _end(self, opened: Opened) -> list[Detections]:
+        self._open.discard(opened)
+        return self._release(self._watermark())
 
     def _take(self, substream: Substream, result: Detections) -> list[Detections]:
         """Queue a result, or return it if its place in the order has passed."""
@@ -116,8 +155,10 @@ class Sequencer:
     def _reason_to_refuse(
         self, substream: Substream, message: Detections | Dropped | EndOfStream
     ) -> str | None:
-        if substream not in self._newest:
+        if (*substream, message.epoch) not in self._newest:
             return "unknown substream"
+        if (*substream, message.epoch) in self._closed:
+            return "closed"
         if not isinstance(message, Detections):
             return None
         if message.order in self._results or _holds(self._applied[substream], message.time_ns):
@@ -131,8 +172,8 @@ class Sequencer:
         if not self._open:
             return math.inf
         if self._lateness_ns is None:
-            return min(self._newest[substream] for substream in self._open)
-        return max(self._newest.values()) - self._lateness_ns
+            return min(self._newest[opened] for opened in self._open)
+        return self._latest - self._lateness_ns
 
     def _release(self, watermark: float) -> list[Detections]:
         released = []

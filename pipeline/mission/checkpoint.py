@@ -24,7 +24,7 @@ from pipeline.storage.checksummed import read_records, write_records
 from pipeline.storage.disk import LOCAL_DISK, Disk
 
 NOTHING: Mapping[str, Any] = MappingProxyType({})
-KIND = "searchlight reducer 3"
+KIND = "searchlight reducer 4"
 
 
 def save_checkpoint(
@@ -89,6 +89,7 @@ def _state(stage: ReducerStage) -> dict[str, Any]:
             "released": sequencer.released,
             "refused": sorted(sequencer.refused.items()),
             "late": sorted(sequencer.late.items()),
+            "closed": sequencer.closed,
         },
         "received": [(key, sorted(frames)) for key, frames in sorted(stage.received.items())],
         "processed": [(key, sorted(frames)) for key, frames in sorted(stage.processed.items())],
@@ -130,12 +131,12 @@ def _restore_sequencer(stage: ReducerStage, state: dict[str, Any]) -> None:
             state["released"],
             dict(state["refused"]),
             dict(state["late"]),
+            list(state["closed"]),
         )
     )
 
 
 def _restore_accounts(stage: ReducerStage, state: dict[str, Any]) -> None:
-    stage.open = set(state["sequencer"]["open"])
     stage.received = {key: set(frames) for key, frames in state["received"]}
     stage.processed = {key: set(frames) for key, frames in state["processed"]}
     stage.dropped = {key: dict(frames) for key, frames in state["dropped"]}

@@ -38,29 +38,49 @@ class ReducerStage:
 
     def __init__(self, fuser: Fuser, sequencer: Sequencer, substreams: Iterable[tuple[str, str]]) -> None:
         self.fuser = fuser
-        self.open = set(substreams)
-        self.received: dict[tuple[str, str], set[int]] = {key: set() for key in self.open}
-        self.processed: dict[tuple[str, str], set[int]] = {key: set() for key in self.open}
-        self.dropped: dict[tuple[str, str], dict[int, str]] = {key: {} for key in self.open}
+        self.received: dict[tuple[str, str], set[int]] = {}
+        self.processed: dict[tuple[str, str], set[int]] = {}
+        self.dropped: dict[tuple[str, str], dict[int, str]] = {}
         self.detections: Counter[tuple[str, str]] = Counter()
-        self.hops: dict[tuple[str, str], dict[str, HopHistogram]] = {
-            key: {hop: HopHistogram() for hop in HOPS} for key in self.open
-        }
+        self.hops: dict[tuple[str, str], dict[str, HopHistogram]] = {}
         self.sequencer = sequencer
+        for key in substreams:
+            self._account_for(*key)
+
+    @property
+    def open(self) -> frozenset[tuple[str, str, int]]:
+        """Substreams whose end has not come: stream, detector, epoch."""
+        return self.sequencer.open
+
+    def open_again(self, stream: str, detector: str, epoch: int) -> None:
+        """Take results of a substream from now on."""
+        self._account_for(stream, detector)
+        self.sequencer.open_again(stream, detector, epoch)
+        _LOG.event("substream begins", stream=stream, detector=detector, epoch=epoch, open=len(self.open))
+
+    def close(self, stream: str, detector: str, epoch: int, reason: str) -> None:
+        """Wait no longer for the end of a substream."""
+        self._apply(self.sequencer.close(stream, detector, epoch))
+        _LOG.event("substream closed", stream=stream, detector=detector, epoch=epoch, reason=reason)
+
+    def _account_for(self, stream: str, detector: str) -> None:
+        key = stream, detector
+        self.received.setdefault(key, set())
+        self.processed.setdefault(key, set())
+        self.dropped.setdefault(key, {})
+        self.hops.setdefault(key, {hop: HopHistogram() for hop in HOPS})
 
     def push(self, message: Message) -> None:
         """Take one message of any substream."""
-        if isinstance(message, EndOfStream):
-            self.open.discard((message.stream, message.detector))
-            _LOG.event(
-                "substream ends", stream=message.stream, detector=message.detector, open=len(self.open)
-            )
         if isinstance(message, Dropped):
             self.dropped[message.stream, message.detector][message.index] = message.reason
         if isinstance(message, Detections):
             self.received[message.stream, message.detector].add(message.index)
         if isinstance(message, Detections | Dropped | EndOfStream):
             self._apply(self.sequencer.push(message))
+        if isinstance(message, EndOfStream):
+            open_ = len(self.open)
+            _LOG.event("substream ends", stream=message.stream, detector=message.detector, open=open_)
 
     def finish(self) -> None:
         """Apply what is still held back."""

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 
 from pipeline.fusion.sequencer import Sequencer
@@ -94,3 +96,59 @@ def test_finish_releases_the_rest_in_order():
     sequencer.push(_result("a", 20))
     sequencer.push(_result("a", 30))
     assert _orders(sequencer.finish()) == [(20, "a"), (30, "a")]
+
+
+def _at_epoch(result, epoch):
+    return replace(result, epoch=epoch)
+
+
+def test_a_substream_that_is_opened_again_is_waited_for_anew():
+    sequencer = Sequencer({("a", "d"), ("b", "d")}, None)
+    sequencer.push(EndOfStream("a", "d"))
+    sequencer.open_again("a", "d", 3)
+    assert sequencer.push(_result("b", 10)) == []
+    assert _orders(sequencer.push(_at_epoch(_result("a", 12), 3))) == [(10, "b")]
+
+
+def test_results_of_the_epoch_before_may_come_after_it_was_opened_again():
+    sequencer = Sequencer({("a", "d")}, None)
+    sequencer.open_again("a", "d", 3)
+    assert sequencer.push(_at_epoch(_result("a", 20), 3)) == []
+    assert _orders(sequencer.push(_result("a", 10))) == [(10, "a")]
+    assert _orders(sequencer.push(EndOfStream("a", "d"))) == [(20, "a")]
+
+
+def test_the_same_frame_of_two_epochs_counts_once():
+    sequencer = Sequencer({("a", "d")}, None)
+    sequencer.open_again("a", "d", 3)
+    sequencer.push(_result("a", 10))
+    sequencer.push(_at_epoch(_result("a", 10), 3))
+    assert sequencer.refused == {("a", "d", "duplicate"): 1}
+
+
+def test_a_closed_substream_is_not_waited_for_and_nothing_more_is_taken_of_it():
+    sequencer = Sequencer({("a", "d"), ("b", "d")}, None)
+    sequencer.push(_result("b", 10))
+    assert _orders(sequencer.close("a", "d", 0)) == [(10, "b")]
+    assert sequencer.push(_result("a", 20)) == []
+    assert sequencer.refused == {("a", "d", "closed"): 1}
+    sequencer.open_again("a", "d", 0)
+    assert ("a", "d", 0) not in sequencer.open
+
+
+def test_an_epoch_that_was_never_opened_is_unknown():
+    sequencer = Sequencer({("a", "d")}, None)
+    assert sequencer.push(_at_epoch(_result("a", 10), 1)) == []
+    assert sequencer.refused == {("a", "d", "unknown substream"): 1}
+
+
+def test_a_restored_sequencer_knows_what_is_open_what_is_closed_and_what_has_said_nothing_yet():
+    sequencer = Sequencer({("a", "d"), ("b", "d")}, None)
+    sequencer.open_again("a", "d", 3)
+    sequencer.close("b", "d", 0)
+    again = Sequencer({("a", "d"), ("b", "d")}, None)
+    again.restore(sequencer.state)
+    assert again.state == sequencer.state
+    assert again.open == {("a", "d", 0), ("a", "d", 3)}
+    assert again.push(_result("b", 10)) == []
+    assert again.refused == {("b", "d", "closed"): 1}
