@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 import time
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection, Iterable, Iterator
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Protocol
@@ -17,6 +17,7 @@ from pipeline.ingest.source import LostPicture, PassedPicture, Picture, Source, 
 from pipeline.ingest.trajectory import Trajectory
 from pipeline.link.codec import Codec, Encoder
 from pipeline.messages import EndOfStream, Frame, Message, Packet
+from pipeline.mission.controller.substreams import Opened, PlanEpoch
 
 
 @dataclass(frozen=True)
@@ -134,13 +135,41 @@ class SourceStage:
         link: Link,
         params: SourceParams | None = None,
     ) -> None:
+        """assignments: what it begins with, epoch 0; those of other streams are left alone."""
         self.stream = stream
-        self.assignments = tuple(a for a in assignments if a.stream == stream.stream)
         self.count = SourceCount()
         self._link = link
         self._params = params or SourceParams()
-        self._encoders = {a.detector: self._encoder(a) for a in self.assignments}
-        self._packets_sent = {a.detector: 0 for a in self.assignments}
+        self._encoders: dict[str, Encoder] = {}
+        self._packets_sent: dict[str, int] = {}
+        self._epoch = PlanEpoch(stream.stream, 0)
+        self._begin(Opened(0, a) for a in assignments if a.stream == stream.stream)
+
+    @property
+    def epoch(self) -> PlanEpoch:
+        """The epoch that it follows."""
+        return self._epoch
+
+    def follow(self, epoch: PlanEpoch, now_s: float) -> None:
+        """Go over to another epoch, between two frames: no frame is sent under both.
+
+        Substreams of both go on, with the phase of the new one; the others get their end, and new ones begin with a
+        packet that stands alone. Raises RunFailedError, once all is done, for ends that could not be told.
+        """
+        left = [opened for opened in self._epoch.substreams if opened.key not in epoch.keys]
+        kept = self._epoch.keys & epoch.keys
+        untold = self._tell_end(left, now_s)
+        self._epoch = replace(epoch, substreams=tuple(o for o in epoch.substreams if o.key in kept))
+        self._begin(o for o in epoch.substreams if o.key not in kept)
+        self._epoch = epoch
+        self._require_told(untold)
+
+    def _begin(self, substreams: Iterable[Opened]) -> None:
+        for opened in substreams:
+            assignment = opened.assignment
+            self._encoders[assignment.detector] = self._encoder(assignment)
+            self._packets_sent[assignment.detector] = 0
+            self._epoch = replace(self._epoch, substreams=(*self._epoch.substreams, opened))
 
     def run(self, wait_until: Callable[[float], float]) -> None:
         """Send the whole stream. wait_until(time since its start, s) returns the link's time when a frame is due."""
@@ -152,13 +181,21 @@ class SourceStage:
 
     def end(self) -> None:
         """Tell every detector that the stream is over. Raises RunFailedError for those that cannot be told."""
-        untold = []
-        for assignment in self.assignments:
-            sent = self._packets_sent[assignment.detector]
-            end = EndOfStream(self.stream.stream, assignment.detector, sequence=sent)
-            if not self._link.send(assignment.site, assignment.detector, end, self.stream.end_s):
-                untold.append(f"{assignment.detector} at {assignment.site}")
+        untold = self._tell_end(self._epoch.substreams, self.stream.end_s)
         self._hear()
+        self._require_told(untold)
+
+    def _tell_end(self, substreams: Iterable[Opened], now_s: float) -> list[str]:
+        """Tell these detectors that nothing more comes; those that cannot be told."""
+        untold = []
+        for opened in substreams:
+            detector, site = opened.assignment.detector, opened.assignment.site
+            end = EndOfStream(self.stream.stream, detector, opened.epoch, self._packets_sent[detector])
+            if not self._link.send(site, detector, end, now_s):
+                untold.append(f"{detector} at {site}")
+        return untold
+
+    def _require_told(self, untold: list[str]) -> None:
         if untold:
             raise RunFailedError(f"stream {self.stream.stream}: its end did not reach {', '.join(untold)}")
 
@@ -185,8 +222,11 @@ class SourceStage:
     def offer(self, frame: Frame, now_s: float, late_s: float = 0.0) -> None:
         """Encode and send the frame for each detector whose turn it is; late_s: since it was due."""
         self._hear()
-        due = [a for a in self.assignments if frame.tick % a.period == a.phase]
-        reasons = {a.detector: self._why_not(a, now_s, late_s) or self._send(frame, a, now_s) for a in due}
+        due = [o for o in self._epoch.substreams if frame.tick % o.assignment.period == o.assignment.phase]
+        reasons = {
+            o.assignment.detector: self._why_not(o.assignment, now_s, late_s) or self._send(frame, o, now_s)
+            for o in due
+        }
         self.count.due[frame.index] = tuple(reasons)
         self.count.dropped.update({(frame.index, d): reason for d, reason in reasons.items() if reason})
         if all(reasons.values()):
@@ -197,9 +237,9 @@ class SourceStage:
         for packet in self._link.take_lost():
             self.count.lose_sent(packet.index, packet.detector, "link_lost")
         restarts = self._link.take_restarts()
-        for assignment in self.assignments:
-            if assignment.detector in restarts:
-                self._encoders[assignment.detector] = self._encoder(assignment)
+        for opened in self._epoch.substreams:
+            if opened.assignment.detector in restarts:
+                self._encoders[opened.assignment.detector] = self._encoder(opened.assignment)
 
     def _why_not(self, assignment: Assignment, now_s: float, late_s: float) -> str | None:
         """Why a frame need not even be encoded, or None."""
@@ -212,9 +252,10 @@ class SourceStage:
             return "link_full"
         return "too_old" if late_s + backlog_s > self._params.most_age_s else None
 
-    def _send(self, frame: Frame, assignment: Assignment, now_s: float) -> str | None:
+    def _send(self, frame: Frame, opened: Opened, now_s: float) -> str | None:
         """Why the frame could not be sent, or None."""
-        packet = self._encode(frame, assignment)
+        assignment = opened.assignment
+        packet = self._encode(frame, opened)
         if self._link.send(assignment.site, assignment.detector, packet, now_s):
             self._packets_sent[assignment.detector] += 1
             return None
@@ -232,7 +273,8 @@ class SourceStage:
             keyframe_interval=max(1, round(self._params.keyframe_interval_s * rate_hz)),
         )
 
-    def _encode(self, frame: Frame, assignment: Assignment) -> Packet:
+    def _encode(self, frame: Frame, opened: Opened) -> Packet:
+        assignment = opened.assignment
         started = time.perf_counter()
         encoder = self._encoders[assignment.detector]
         encoded = encoder.encode_frame(frame.planes, frame.tick // assignment.period)
@@ -252,5 +294,6 @@ class SourceStage:
             encode_s=encode_s,
             width=self.stream.video.width,
             height=self.stream.video.height,
+            epoch=opened.epoch,
             sequence=self._packets_sent[assignment.detector],
         )

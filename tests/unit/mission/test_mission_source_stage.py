@@ -17,6 +17,7 @@ from pipeline.ingest.trajectory_of import Ground, trajectory_of
 from pipeline.ingest.video.recordings import open_recordings
 from pipeline.link.framing import frame
 from pipeline.messages import Detections, EndOfStream, Message, Packet, pack
+from pipeline.mission.controller.substreams import Opened, PlanEpoch
 from pipeline.mission.stages.detector import DetectorStage
 from pipeline.mission.stages.source import SourceParams, SourceStage, StreamInput
 from pipeline.mission.stages.virtual_link import VirtualLink, wire_bytes
@@ -292,3 +293,73 @@ def test_a_link_in_video_time_charges_heads_and_ends_as_a_connection_does(video:
     data = sum(len(m.data) for _, m in sent if isinstance(m, Packet))
     stamped = [replace(m, sent_ns=time.time_ns()) if isinstance(m, Packet) else m for _, m in sent]
     assert link.bytes_sent["site"] == sum(len(frame(pack(m))) for m in stamped) > data + 180 * (len(sent) - 1)
+
+
+def opened(epoch: int, detector: str, period: int = 1, phase: int = 0, bitrate_bps: float = 1e6) -> Opened:
+    return Opened(epoch, assignment(detector, period, phase, bitrate_bps))
+
+
+def switched(video: Path, first: list[Assignment], then: PlanEpoch, before_frame: int):  # type: ignore[no-untyped-def]
+    """What is sent when another epoch is followed from a frame on."""
+    sent: list[tuple[str, Message]] = []
+    link = VirtualLink({"site": math.inf}, lambda detector, message: sent.append((detector, message)))
+    stage = SourceStage(stream_input(video, 10.0), tuple(first), link)
+    for number, taken in enumerate(stage.frames()):
+        if number == before_frame:
+            stage.follow(then, taken.time_s)
+        stage.offer(taken, taken.time_s)
+    stage.end()
+    return stage, sent
+
+
+def test_every_frame_of_a_switch_is_sent_under_one_epoch_only(video: Path) -> None:
+    _, sent = switched(video, [assignment("a")], PlanEpoch("v", 1, (opened(1, "b"),)), 4)
+    ticks = {d: [m.index // 3 for to, m in sent if to == d and isinstance(m, Packet)] for d in "ab"}
+    assert ticks == {"a": [0, 1, 2, 3], "b": [4, 5, 6, 7, 8, 9]}
+
+
+def test_the_left_detector_gets_its_end_and_the_new_one_begins_with_a_picture_that_stands_alone(
+    video: Path,
+) -> None:
+    _, sent = switched(video, [assignment("a")], PlanEpoch("v", 1, (opened(1, "b"),)), 4)
+    assert [m for to, m in sent if to == "a"][-1] == EndOfStream("v", "a", 0, 4)
+    first = next(m for to, m in sent if to == "b")
+    assert (first.keyframe, first.epoch, first.sequence) == (True, 1, 0)
+    assert sent[-1] == ("b", EndOfStream("v", "b", 1, 6))
+
+
+def test_a_detector_that_goes_on_notices_nothing_but_its_phase(video: Path) -> None:
+    then = PlanEpoch("v", 1, (opened(0, "a", 2, 1), opened(1, "b", 2, 0)))
+    _, sent = switched(video, [assignment("a", 2, 0)], then, 4)
+    mine = [m for to, m in sent if to == "a"]
+    assert [m.index // 3 for m in mine[:-1]] == [0, 2, 5, 7, 9]
+    assert [m.sequence for m in mine] == [0, 1, 2, 3, 4, 5]
+    assert [m.keyframe for m in mine[:-1]] == [True, False, False, False, False]
+    assert {m.epoch for m in mine} == {0}
+
+
+def test_the_same_detector_opened_again_is_another_substream(video: Path) -> None:
+    _, sent = switched(video, [assignment("a")], PlanEpoch("v", 1, (opened(1, "a", bitrate_bps=5e5),)), 4)
+    mine = [(m.epoch, m.sequence, isinstance(m, EndOfStream)) for _, m in sent]
+    assert mine[:5] == [(0, 0, False), (0, 1, False), (0, 2, False), (0, 3, False), (0, 4, True)]
+    assert mine[5] == (1, 0, False)
+    assert mine[-1] == (1, 6, True)
+
+
+def test_a_stream_that_nobody_looks_at_counts_its_frames_as_not_assigned(video: Path) -> None:
+    stage, sent = switched(video, [assignment("a")], PlanEpoch("v", 1), 4)
+    assert stage.count.frames_dropped == {"not_assigned": 6}
+    assert len(sent) == 5
+
+
+def test_an_end_that_cannot_be_told_is_said_and_the_new_epoch_is_followed_all_the_same(video: Path) -> None:
+    class Deaf(VirtualLink):
+        def send(self, site: str, detector: str, message: Message, now_s: float) -> bool:
+            return not isinstance(message, EndOfStream)
+
+    stage = SourceStage(
+        stream_input(video, 10.0), (assignment("a"),), Deaf({"site": math.inf}, lambda *_: None)
+    )
+    with pytest.raises(RunFailedError, match="its end did not reach a at site"):
+        stage.follow(PlanEpoch("v", 1, (opened(1, "b"),)), 0.0)
+    assert stage.epoch == PlanEpoch("v", 1, (opened(1, "b"),))

@@ -151,8 +151,8 @@ def test_encoders_have_the_plan_s_bitrate_and_rate_over_the_period(prepared, pla
     stream = SimpleNamespace(stream="v", processing_rate_hz=10.0, codec="h264", source=source)
 
     stage = SourceStage(stream, plan.assignments, SimpleNamespace())
-    assert len(encoders) == len(stage.assignments) == len(plan.assignments)
-    for (of, how), a in zip(encoders, stage.assignments, strict=True):
+    assert len(encoders) == len(stage.epoch.substreams) == len(plan.assignments)
+    for (of, how), a in zip(encoders, (o.assignment for o in stage.epoch.substreams), strict=True):
         assert of == ("h264", 640, 480)
         assert how["bitrate_bps"] == a.bitrate_bps / a.period
         assert how["frame_rate_hz"] == 10.0 / a.period
