@@ -14,6 +14,7 @@ from collections.abc import Mapping, Sequence
 
 from pipeline.allocation.aggregation import aggregate
 from pipeline.allocation.decomposed import GAP_TOLERANCE, kept_of, still_there
+from pipeline.allocation.fewest_changes import Moved, missing, moved
 from pipeline.allocation.plan import Assignment, Plan, objective
 from pipeline.allocation.planned_again import (
     NO_PRIORITIES,
@@ -25,7 +26,6 @@ from pipeline.allocation.planned_again import (
 )
 from pipeline.allocation.problem import OBJECTIVE_RESOLUTION, Problem
 from pipeline.allocation.repair import repaired, value_bound
-from pipeline.allocation.replan import Moved, missing, moved
 from pipeline.allocation.unserved import reason
 from pipeline.errors import InvalidPlanError, NoPlanError
 from pipeline.logs import Log

@@ -18,12 +18,13 @@ from pipeline.allocation.checked import checked
 from pipeline.allocation.configuration import Choice, Configuration
 from pipeline.allocation.covering import phases_near
 from pipeline.allocation.distinctness import Distinctions, Unpacked, tell_apart
+from pipeline.allocation.gap import GAP_UNITS
 from pipeline.allocation.integer_master import IntegerSolution
 from pipeline.allocation.master import Rows
 from pipeline.allocation.packing import Stay, Use, pack_group
 from pipeline.allocation.plan import Assignment, Plan, Status, objective
 from pipeline.allocation.problem import OBJECTIVE_RESOLUTION, Detector, Problem
-from pipeline.allocation.proven_optimum import GAP_UNITS, Found, Search
+from pipeline.allocation.proven_optimum import Found, Search
 
 #: a plan this near its bound is optimal: the search's own tolerance, and that of rounding each gain
 GAP_TOLERANCE = 2 * GAP_UNITS * OBJECTIVE_RESOLUTION

@@ -21,16 +21,13 @@ from pipeline.allocation.aggregation import Aggregation
 from pipeline.allocation.column_generation import Columns, Relaxation, relax
 from pipeline.allocation.configuration import Choice, Configuration
 from pipeline.allocation.enumeration import add_enumerated
+from pipeline.allocation.gap import WHOLE_TOLERANCE, Gap
 from pipeline.allocation.integer_master import KEPT_UNITS, IntegerSolution, solve_integer
 from pipeline.allocation.linear_master import Goal
 from pipeline.allocation.master import Cut, rows_of
 from pipeline.allocation.plan import Assignment, Status
 from pipeline.allocation.pricing import Pricer, Prices
-from pipeline.allocation.problem import OBJECTIVE_RESOLUTION
 
-#: goal units (1e-9 of objective) by which a plan may miss its bound and count as optimal: the linear solver's
-#: own tolerance
-GAP_UNITS = 100
 #: configurations that enumeration may look at before it gives up
 MAX_ENUMERATED = 150_000
 #: the whole gap is enumerated at once if it has no more
@@ -39,7 +36,6 @@ _FEW = 20_000
 _PARTS = (1.0 / 64.0, 1.0 / 16.0, 1.0 / 4.0, 1.0)
 #: the ranks that are decided together have prices up to this
 _MOST_PRICE = 10_000
-_UNSERVED_TOLERANCE = 1e-6
 #: of the time that is left, column generation may take this much
 _LINEAR_SHARE = 0.75
 
@@ -69,10 +65,12 @@ class Search:
         self._pricer = Pricer(aggregation)
         self._deadline_s, self._until_s, self._seed = deadline_s, deadline_s, seed
         self.spared = (0,) * len(aggregation.streams_of_rank)
+        self._last: IntegerSolution | None = None
 
     def cut(self, cut: Cut) -> None:
         """Exclude what no packing meets; the columns stay."""
         self.rows = rows_of(self.aggregation, [*(known for _, known in self.rows.cuts), cut])
+        self._last = None
 
     def value_goal(self, least_kept: int | None = None) -> Goal:
         """The paper's objective, while at least so many substreams of a running plan go on."""
@@ -88,7 +86,7 @@ class Search:
         known: the numbers by rank of some plan, which stand if nothing better is found in time. Returns
         whether what was found is proven.
         """
-        self.spared = known
+        self.spared, self._last = known, None
         spared: tuple[int, ...] = ()
         proven = True
         while len(spared) < len(known):
@@ -108,7 +106,7 @@ class Search:
         """Whether the linear relaxation tells that no fewer than the known streams can go unserved."""
         relaxation = self._relaxation(goal)
         worth = goal.spared_worth - sum(n * price for n, price in zip(known, goal.prices, strict=False))
-        return relaxation is not None and math.floor(relaxation.bound + _UNSERVED_TOLERANCE) <= worth
+        return relaxation is not None and math.floor(relaxation.bound + WHOLE_TOLERANCE) <= worth
 
     def _serve_goal(self, spared: tuple[int, ...]) -> Goal:
         """Of the next ranks as few unserved as can be; one of a higher rank is dearer than all below it."""
@@ -128,6 +126,10 @@ class Search:
             price *= streams[last] + 1
             last += 1
         return range(first, last)
+
+    def is_late(self) -> bool:
+        """Whether the deadline has come."""
+        return time.monotonic() > self._deadline_s
 
     def know(self, assignments: Sequence[Assignment]) -> None:
         """Add the configurations of a plan that keeps all limits."""
@@ -162,8 +164,10 @@ class Search:
         relaxation = self._relaxation(goal)
         if relaxation is None:
             return Found("infeasible", (), None, None)
-        gap = _Gap(goal, relaxation, gap_limit)
-        gap.best = self._integer(gap)
+        gap = Gap(goal, relaxation, gap_limit)
+        gap.best = self._carried(goal)
+        if not gap.is_closed():
+            gap.best = self._integer(gap)
         for part, room in ((1.0, _FEW), *((part, MAX_ENUMERATED) for part in _PARTS)):
             if gap.is_closed() or time.monotonic() > self._until_s:
                 break
@@ -172,19 +176,31 @@ class Search:
                 gap.narrow(self._integer(gap), width)
             elif room == MAX_ENUMERATED:
                 break
+        if goal.of != "nothing":
+            self._last = gap.served() or self._last
         return Found(gap.status(), tuple(self.columns.all), gap.served(), gap.bound)
+
+    def _carried(self, goal: Goal) -> IntegerSolution | None:
+        """The last solution, if it is one for this goal too."""
+        last = self._last
+        if last is None or goal.of == "nothing":
+            return None
+        worth, other = (last.value, last.kept) if goal.of == "value" else (last.kept * KEPT_UNITS, last.value)
+        if goal.floor is not None and other < goal.floor:
+            return None
+        return replace(last, worth=worth, proven=False)
 
     def _relaxation(self, goal: Goal) -> Relaxation | None:
         """The relaxation in which all are served but who is spared, or None if there is none."""
         found = self._relax(goal)
         if self._lost(found, goal):
             return None
-        if found.unserved <= _UNSERVED_TOLERANCE or not found.complete:
+        if found.unserved <= WHOLE_TOLERANCE or not found.complete:
             return found
         serve = Goal(
             "nothing", (1.0,) * len(goal.spared) + (0.0,) * (len(goal.prices) - len(goal.spared)), goal.spared
         )
-        if self._relax(serve).bound < -_UNSERVED_TOLERANCE:
+        if self._relax(serve).bound < -WHOLE_TOLERANCE:
             return None
         streams = len(self.aggregation.problem.streams)
         return self._relax(replace(goal, prices=tuple(price * streams for price in goal.prices)))
@@ -201,7 +217,7 @@ class Search:
         deadline_s = now + _LINEAR_SHARE * (self._until_s - now)
         return relax(self.aggregation, self.rows, self._pricer, self.columns, goal, deadline_s)
 
-    def _integer(self, gap: _Gap) -> IntegerSolution | None:
+    def _integer(self, gap: Gap) -> IntegerSolution | None:
         found = solve_integer(
             self.aggregation,
             self.rows,
@@ -236,54 +252,3 @@ class Search:
         """A price of one unserved stream above what any stream can gain, or lose."""
         problem = self.aggregation.problem
         return 2.0 * (problem.detectors_per_frame + len(problem.sites) + problem.detectors_per_stream)
-
-
-class _Gap:
-    """Between the best plan so far and what no plan can exceed, in goal units."""
-
-    def __init__(self, goal: Goal, relaxation: Relaxation, limit: float) -> None:
-        self.goal, self.limit = goal, limit
-        self.best: IntegerSolution | None = None
-        self._unit = OBJECTIVE_RESOLUTION if goal.of == "value" else 1.0 / KEPT_UNITS
-        self._root = math.floor(relaxation.bound / self._unit + 0.5)
-        if goal.of != "value":  # substreams and streams are whole
-            self._root = math.floor(relaxation.bound + _UNSERVED_TOLERANCE) * KEPT_UNITS
-        self.bound = self._root
-        self._exhausted = False
-
-    def served(self) -> IntegerSolution | None:
-        """The best solution that serves every stream but those that the goal spares."""
-        return self.best if self.best is not None and self.best.unserved == 0 else None
-
-    def is_closed(self) -> bool:
-        """Whether the best plan is near enough to the bound."""
-        best = self.served()
-        if best is None:
-            return False
-        near_enough = self.limit * max(1.0 / self._unit, abs(best.worth))
-        return self.bound - best.worth <= max(float(GAP_UNITS), near_enough)
-
-    def width(self, part: float, dear: float) -> float:
-        """How far below its class's best a configuration may be and still be added; of the goal."""
-        best = self.served()
-        if best is None:
-            return math.inf if part >= 1.0 else part * dear
-        return (part * (self._root - best.worth) + GAP_UNITS) * self._unit
-
-    def narrow(self, solution: IntegerSolution | None, width: float) -> None:
-        """Take the optimum over all configurations within the width."""
-        self.best = solution
-        if solution is None or not solution.proven:
-            return
-        self._exhausted = math.isinf(width)
-        missing = solution.worth if self._exhausted else self._root - math.floor(width / self._unit)
-        if solution.unserved == 0:
-            self.bound = min(self.bound, max(solution.worth, missing))
-
-    def status(self) -> Status:
-        """What is known of the best plan."""
-        best = self.served()
-        if best is None:
-            return "infeasible" if self._exhausted else "unknown"
-        self.bound = max(self.bound, best.worth)
-        return "optimal" if self.bound - best.worth <= GAP_UNITS else "feasible"

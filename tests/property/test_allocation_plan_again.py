@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from test_allocation_decomposed_optimality import problems
 from test_allocation_replan_valid import QUIET, changed, problems_of_every_kind
 
-from pipeline.allocation import decomposed, literal
+from pipeline.allocation import again, decomposed, literal
 from pipeline.allocation.again import first_valid, plan_again
 from pipeline.allocation.plan import Assignment
 from pipeline.allocation.planned_again import NO_PRIORITIES, PlannedAgain, Priorities
@@ -39,6 +39,17 @@ def best_by_trying(problem: Problem, priorities: Priorities) -> tuple[list[int],
 def counts_of(problem: Problem, found: PlannedAgain, priorities: Priorities) -> list[int]:
     levels = sorted({priorities.get(v, 0) for v in problem.streams}, reverse=True)
     return [sum(priorities.get(v, 0) == level for v in found.problem.streams) for level in levels]
+
+
+@pytest.fixture(autouse=True)
+def no_mending(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A plan is valid by itself: an invalid one fails, instead of being replaced."""
+
+    class Failing:
+        def warning(self, event: str, **fields: object) -> None:
+            raise AssertionError(f"{event}: {fields}")
+
+    monkeypatch.setattr(again, "_LOG", Failing())
 
 
 def is_whole(problem: Problem, running: tuple[Assignment, ...], found: PlannedAgain) -> None:

@@ -9,8 +9,7 @@ from typing import Any
 
 import pytest
 
-from pipeline.allocation import again, decomposed
-from pipeline.allocation import replan as replanning
+from pipeline.allocation import again, decomposed, fewest_changes
 from pipeline.allocation.again import first_valid, plan_again
 from pipeline.allocation.plan import Assignment
 from pipeline.allocation.planned_again import PlannedAgain, ranks_of
@@ -180,12 +179,12 @@ def test_an_invalid_best_plan_is_not_handed_out(monkeypatch: pytest.MonkeyPatch)
     """The mended one takes its place; if that is invalid too, the fault is named."""
     of = problem(2, 2)
     running = decomposed.solve(of, time_limit_s=10.0).assignments
-    honest = replanning.place
+    honest = fewest_changes.place
 
     def spoilt(*args: Any, **kwargs: Any) -> Any:
         return tuple(replace(a, phase=7) for a in honest(*args, **kwargs))
 
-    monkeypatch.setattr(replanning, "place", spoilt)
+    monkeypatch.setattr(fewest_changes, "place", spoilt)
     monkeypatch.setattr(again, "_is_better", lambda *args: False)
     found = plan_again(of, running, time_limit_s=10.0)
     assert served(found) == {"v0", "v1"}
