@@ -52,6 +52,7 @@ def changed(draw: st.DrawFn, problem: Problem) -> Problem:
     lost = draw(st.sets(st.sampled_from([m.id for m in problem.machines]), max_size=3))
     gone = draw(st.sets(st.sampled_from(problem.streams), max_size=len(problem.streams)))
     cut = draw(st.sets(st.sampled_from(sorted(problem.link_bps)), max_size=2))
+    narrow = draw(st.sampled_from((1.0, 0.5, 0.3)))  # two substreams that fit alone do not fit together
     factor = draw(st.sampled_from((1, 1, 2, 3)))
     return replace(
         problem,
@@ -62,7 +63,7 @@ def changed(draw: st.DrawFn, problem: Problem) -> Problem:
             for d in problem.detectors
             if d.machine not in lost
         ),
-        link_bps={pair: 0.0 if pair in cut else bps for pair, bps in problem.link_bps.items()},
+        link_bps={pair: 0.0 if pair in cut else bps * narrow for pair, bps in problem.link_bps.items()},
         detectors_per_frame=draw(st.sampled_from((problem.detectors_per_frame, 1, 2, 3))),
         detectors_per_stream=draw(st.sampled_from((problem.detectors_per_stream, 1, 2, 4))),
         memory_rule=draw(st.sampled_from((problem.memory_rule, "one_detector_per_machine"))),

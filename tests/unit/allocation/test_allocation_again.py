@@ -218,3 +218,30 @@ def test_the_same_arguments_give_the_same_plan() -> None:
     plans = [plan_again(lost, running, time_limit_s=20.0).plan.assignments for _ in range(2)]
     assert plans[0] == plans[1]
     assert math.isfinite(plan_again(lost, running, time_limit_s=20.0).gap)
+
+
+def test_substreams_that_fit_a_narrower_link_alone_but_not_together_do_not_both_go_on() -> None:
+    """Two of period 2 at 4 Mbps send 2 Mbps each; 3 Mbps carry one of them as it is."""
+    of = problem(1, 2, period=2)
+    running = decomposed.solve(of, time_limit_s=10.0).assignments
+    assert [a.bitrate_bps for a in running] == [4e6, 4e6]
+    for found in both(replace(of, link_bps={("v0", "s"): 3e6}), running, {}):
+        assert served(found) == {"v0"}
+        assert len(found.kept) == 1
+
+
+def test_what_is_given_up_to_move_less_is_no_more_than_the_loss() -> None:
+    """A better detector comes: with a loss of 0 it is begun, with one of half the accuracy nothing moves."""
+    of = problem(1, 2)
+    worse = replace(of.detectors[0], id="m0:old", detector="old", accuracy=(0.2, 0.6))
+    other = replace(of.detectors[1], id="m1:old", detector="old", accuracy=(0.2, 0.6))
+    before = replace(of, detectors=(worse, other))
+    after = replace(of, detectors=(worse, other, *of.detectors), link_bps={("v0", "s"): 4e6})
+    running = decomposed.solve(replace(before, link_bps={("v0", "s"): 4e6}), time_limit_s=10.0).assignments
+    assert [(a.pool_detector, a.bitrate_bps) for a in running] == [("old", 4e6)]
+    best = plan_again(after, running, loss=0.0, time_limit_s=10.0)
+    assert [a.pool_detector for a in best.plan.assignments] == ["d"]
+    for loss, moves in ((0.2, True), (0.3, False)):  # 0.6 of 0.8: a quarter is lost
+        found = plan_again(after, running, loss=loss, time_limit_s=10.0)
+        assert bool(found.ended) == moves
+        assert found.proven
