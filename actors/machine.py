@@ -141,6 +141,9 @@ class MachineActor:
 
     def _answer(self, result: Message, patience_s: float | None = None) -> None:
         limit_s = self._params.stalled_s if patience_s is None else patience_s
-        if not self._results.send(_RESULTS, result, limit_s):
-            taken = f"took no result for {limit_s:g} s"
-            raise RunFailedError(f"machine {self._machine}: the reducer {taken}")
+        try:
+            if self._results.send(_RESULTS, result, limit_s):
+                return
+        except ConnectionError as error:
+            raise RunFailedError(f"machine {self._machine}: {error}") from None
+        raise RunFailedError(f"machine {self._machine}: the reducer took no result for {limit_s:g} s")

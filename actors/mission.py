@@ -196,7 +196,8 @@ class _Wiring:
         sent = {
             (n, site): b for n, source in snapshot.sources.items() for site, b in source.bytes_sent.items()
         }
-        return FinishedRun(plan, stage, counts, sent, seconds, self._options.pace)
+        links = {(n, site): s for n, source in snapshot.sources.items() for site, s in source.links.items()}
+        return FinishedRun(plan, stage, counts, sent, seconds, self._options.pace, links=links)
 
     def _used_links(self, plan: Plan) -> dict[tuple[str, str], float]:
         used = {(a.stream, a.site) for a in plan.assignments}

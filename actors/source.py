@@ -125,8 +125,11 @@ class SourceActor:
             sender.connect(a.detector, addresses[a.detector], self._token)
 
         def deliver(detector: str, message: Message) -> None:
-            if not sender.send(detector, message, self._radio.stalled_s):
-                self._require_read([detector])
+            try:
+                taken = sender.send(detector, message, self._radio.stalled_s)
+            except ConnectionError as error:
+                raise RunFailedError(f"stream {self._stream.stream}: {error}") from None
+            self._require_read([] if taken else [detector])
 
         def wait_until(video_s: float) -> float:
             self._bytes = dict(link.bytes_sent)

@@ -48,14 +48,17 @@ class _Read:
 
 
 class RateEstimate:
-    """Of one link. declared_bps: > 0, infinite for a link that nothing limits as far as anybody knows."""
+    """Of one link. declared_bps: > 0, infinite for a link that nothing limits as far as anybody knows.
+
+    least_bps: the lowest estimate so far.
+    """
 
     def __init__(self, declared_bps: float, params: RateParams | None = None) -> None:
         if not declared_bps > 0.0:
             raise ValueError(f"a link of {declared_bps} bit/s")
         self._params = params or RateParams()
         self._declared_bps = declared_bps
-        self._rate_bps = declared_bps
+        self._rate_bps = self.least_bps = declared_bps
         self._reads: deque[_Read] = deque()
         self._full_s, self._full_bytes = 0.0, 0
         self._blocked = False
@@ -134,3 +137,4 @@ class RateEstimate:
 
     def _set(self, rate_bps: float) -> None:
         self._rate_bps = min(rate_bps, self._declared_bps)
+        self.least_bps = min(self.least_bps, self._rate_bps)

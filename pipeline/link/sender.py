@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 import socket
 import threading
@@ -29,9 +30,10 @@ _LOG = Log("link")
 
 @dataclass(frozen=True)
 class LinkState:
-    """What is known of a link. rate_bps: what it lets through, measured, at most the declared rate. full: whether more
-    is offered than it takes. backlog_s: for what is not known to be read. lost: messages whose connection broke before
-    they were known to be read whole. down: connection -> why it is broken or silent.
+    """What is known of a link. rate_bps: what it lets through, measured, at most the declared rate; least_bps: the
+    lowest so far. full: whether more is offered than it takes. backlog_s: for what is not known to be read. lost:
+    messages whose connection broke before they were known to be read whole. down: connection -> why it is broken or
+    silent.
     """
 
     rate_bps: float
@@ -40,6 +42,7 @@ class LinkState:
     unread_bytes: int
     lost: int
     down: Mapping[str, str]
+    least_bps: float = math.inf
 
 
 class LinkSender:
@@ -167,6 +170,7 @@ class LinkSender:
                 unread_bytes,
                 shared.lost,
                 down,
+                shared.rate.least_bps,
             )
 
     def take_lost(self) -> list[Message]:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from pipeline.allocation.plan import Assignment, Plan
 from pipeline.detection import open_pool_detector
 from pipeline.fusion.fuser import Fuser
 from pipeline.fusion.sequencer import Sequencer
 from pipeline.link.codec import Codec
+from pipeline.link.sender import LinkState
 from pipeline.logs import Log
 from pipeline.messages import Message
 from pipeline.mission.onto import go_on
@@ -31,7 +32,8 @@ class FinishedRun:
 
     plan: what ran. reducer: with the map. counts: of the sources. bytes_sent: per (stream, site). seconds:
     first frame to last result. pace: ``realtime``, ``max``, ``local``, or ``fuse`` for detections that others
-    made; own_detections: sentences about these, see Summary.
+    made; own_detections: sentences about these, see Summary. links: measured, per (stream, site), in real
+    time.
     """
 
     plan: Plan
@@ -41,6 +43,7 @@ class FinishedRun:
     seconds: float
     pace: str
     own_detections: tuple[str, ...] = ()
+    links: Mapping[tuple[str, str], LinkState] = field(default_factory=dict)
 
 
 def run_local(prepared: PreparedMission, plan: Plan, progress: Progress) -> FinishedRun:

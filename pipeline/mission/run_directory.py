@@ -117,10 +117,7 @@ def _summary(
         plan=run.plan,
         streams=[stream_account(s.stream, run.counts[s.stream], run.reducer) for s in prepared.streams],
         substreams=substream_counts(run.plan, run.counts, run.reducer),
-        links=[
-            LinkUse(stream, site, prepared.problem.link_bps.get((stream, site), 0.0), sent, durations[stream])
-            for (stream, site), sent in sorted(run.bytes_sent.items())
-        ],
+        links=[_link(prepared, run, *link, durations[link[0]]) for link in sorted(run.bytes_sent)],
         locations=locations,
         match=match_truth(locations, truth) if truth else None,
         not_taken=run.reducer.not_taken,
@@ -134,6 +131,15 @@ def _summary(
         left_out=prepared.left_out,
         own_detections=run.own_detections,
     )
+
+
+def _link(prepared: PreparedMission, run: FinishedRun, stream: str, site: str, duration_s: float) -> LinkUse:
+    declared_bps = prepared.problem.link_bps.get((stream, site), 0.0)
+    sent = run.bytes_sent[stream, site]
+    measured = run.links.get((stream, site))
+    if measured is None:
+        return LinkUse(stream, site, declared_bps, sent, duration_s)
+    return LinkUse(stream, site, declared_bps, sent, duration_s, measured.least_bps, measured.lost)
 
 
 def _of_box_sizes(prepared: PreparedMission, run: FinishedRun) -> list[Finding]:

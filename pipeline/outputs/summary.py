@@ -64,7 +64,8 @@ class SubstreamCount:
 class LinkUse:
     """What a stream sent to a site. bandwidth_bps may be infinite.
 
-    duration_s: time over which it was sent.
+    duration_s: time over which it was sent. least_bps: the lowest rate that was measured, None where none was (only in
+    real time). lost_messages: whose connection broke before they were known to be read.
     """
 
     stream: str
@@ -72,6 +73,8 @@ class LinkUse:
     bandwidth_bps: float
     sent_bytes: int
     duration_s: float
+    least_bps: float | None = None
+    lost_messages: int = 0
 
     @property
     def mean_bps(self) -> float:
@@ -217,6 +220,8 @@ def _link(link: LinkUse) -> dict[str, Any]:
         "sent_bytes": link.sent_bytes,
         "mean_bps": round(link.mean_bps, 1),
         "share": None if link.share is None else round(link.share, 4),
+        "least_measured_bps": None if link.least_bps is None else round(link.least_bps, 1),
+        "lost_messages": link.lost_messages,
     }
 
 

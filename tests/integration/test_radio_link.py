@@ -17,6 +17,7 @@ from actors.source import SourceActor
 from pipeline.allocation.plan import Assignment
 from pipeline.clock import Clock
 from pipeline.config.telemetry import Telemetry
+from pipeline.errors import RunFailedError
 from pipeline.geo.frame import LocalFrame
 from pipeline.ingest.track import Track
 from pipeline.ingest.trajectory_of import Ground, trajectory_of
@@ -82,10 +83,15 @@ def far_end() -> Iterator[Callable[[Callable[[Message], None]], Receiver]]:
         receiver.close()
 
 
-def test_real_and_virtual_link_send_and_drop_the_same_of_one_plan(stream: StreamInput, far_end) -> None:  # type: ignore[no-untyped-def]
-    """A plan that asks for 1.5 times of what the link has."""
-    plan = (assignment("a"), assignment("b", period=2, phase=1))
-    bandwidth, params = {"site": 1.0e6}, SourceParams(max_backlog_s=0.5)
+@pytest.mark.parametrize("scale", [1.0, 0.15])
+def test_real_and_virtual_link_send_and_drop_the_same_of_one_plan(
+    stream: StreamInput,
+    far_end,  # type: ignore[no-untyped-def]
+    scale: float,
+) -> None:
+    """A plan that asks for 1.5 times of what the link has; heads are a tenth of the bytes of the smaller one."""
+    plan = (assignment("a", bitrate_bps=scale * 1e6), assignment("b", 2, 1, bitrate_bps=scale * 1e6))
+    bandwidth, params = {"site": scale * 1e6}, SourceParams(max_backlog_s=0.5)
     virtual_sent: list[Message] = []
     virtual = VirtualLink(bandwidth, lambda _, message: virtual_sent.append(message))
     expected = SourceStage(stream, plan, virtual, params)
@@ -109,6 +115,15 @@ def test_real_and_virtual_link_send_and_drop_the_same_of_one_plan(stream: Stream
     packets = [m for m in got if isinstance(m, Packet)]
     assert len(packets) + len(reasons) == sum(len(due) for due in stage.count.due.values())
     assert [type(m) for m in got[-2:]] == [EndOfStream, EndOfStream]
+
+
+def test_a_site_that_cannot_be_reached_is_an_error_with_the_names_of_both_ends() -> None:
+    link = RadioLink("drone-1", {"ground": 1e6}, TOKEN)
+    with pytest.raises(
+        RunFailedError, match=r"stream drone-1: no connection to ground at 127\.0\.0\.1:1: .*refused"
+    ):
+        link.connect("ground", "small", ("127.0.0.1", 1))
+    link.close()
 
 
 def test_a_detector_that_hangs_holds_up_no_other_and_goes_on_with_a_key_frame(

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 
 from pipeline.clock import Clock
+from pipeline.errors import ProtocolError, RunFailedError
 from pipeline.link.params import LinkParams
 from pipeline.link.sender import LinkSender, LinkState
 from pipeline.link.token_bucket import TokenBucket
@@ -54,6 +55,7 @@ class RadioLink:
         on_lost: Callable[[str, str, str], None] = lambda site, name, reason: None,
         on_back: Callable[[str, str], None] = lambda site, name: None,
     ) -> None:
+        self._stream = stream
         self._token, self._params, self._clock = token, params or RadioParams(), clock or Clock()
         self._on_lost = on_lost
         self._lock = threading.Lock()
@@ -76,10 +78,16 @@ class RadioLink:
         }
 
     def connect(self, site: str, detector: str, address: Address) -> None:
-        """Open the way to a detector at a site, over the connection to its address, if there is one."""
+        """Open the way to a detector at a site, over the connection to its address, if there is one.
+
+        Raises RunFailedError, with the names of both ends, if there can be none.
+        """
         name = f"{site} at {address[0]}:{address[1]}"
         if name not in self._connections.values():
-            self.senders[site].connect(name, address, self._token)
+            try:
+                self.senders[site].connect(name, address, self._token)
+            except (OSError, ProtocolError) as error:
+                raise RunFailedError(f"stream {self._stream}: no connection to {name}: {error}") from None
         self._connections[detector] = name
 
     def is_up(self, site: str, detector: str) -> bool:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pipeline.outputs.report import ReportData
-from pipeline.outputs.summary import LinkUse, MeanHops, write_summary
+from pipeline.outputs.summary import LinkUse, MeanHops, _link, write_summary
 from pipeline.storage.whole_or_nothing import check_run_directory
 
 Search = Callable[..., ReportData]
@@ -72,6 +72,9 @@ def test_nothing_of_the_environment_gets_in(
 
 def test_a_link_without_a_limit_or_without_time_has_no_share() -> None:
     assert LinkUse("s", "van", math.inf, 10, 1.0).share is None
+    assert _link(LinkUse("s", "van", 6e6, 10, 1.0))["least_measured_bps"] is None
+    measured = _link(LinkUse("s", "van", 6e6, 10, 1.0, 0.48e6, 3))
+    assert (measured["least_measured_bps"], measured["lost_messages"]) == (480000.0, 3)
     assert LinkUse("s", "van", 0.0, 0, 1.0).share is None
     assert LinkUse("s", "van", 1e6, 10, 0.0).mean_bps == 0.0
     assert LinkUse("s", "van", 1e6, 62_500, 1.0).share == pytest.approx(0.5)
