@@ -29,9 +29,15 @@ class ThrottledRelay:
         self._listener.bind(("127.0.0.1", 0))
         self._listener.listen()
         self.address: Address = self._listener.getsockname()
+        self._passed: list[tuple[float, int]] = []
         self._ends: list[socket.socket] = []
         self._closed = False
         threading.Thread(target=self._accept, daemon=True).start()
+
+    def passed_bps(self, seconds: float) -> float:
+        """What it really let through lately: on a busy machine its own thread is late."""
+        now_s = time.monotonic()
+        return sum(n for at_s, n in self._passed if at_s > now_s - seconds) * 8 / seconds
 
     def cut(self) -> None:
         ends, self._ends = self._ends, []
@@ -73,6 +79,7 @@ class ThrottledRelay:
                 free_s = max(free_s, time.monotonic() - 4 * STEP_S) + len(data) * 8 / rate_bps
                 time.sleep(max(0.0, free_s - time.monotonic()))
                 far.sendall(data)
+                self._passed.append((time.monotonic(), len(data)))
         with suppress(OSError):
             far.shutdown(socket.SHUT_WR)
 
