@@ -15,6 +15,7 @@ from pipeline.errors import InputError, NoPlanError, NoPlanInTimeError
 
 if TYPE_CHECKING:
     from pipeline.allocation.plan import Plan
+    from pipeline.allocation.planned_again import PlannedAgain
     from pipeline.allocation.problem import Problem
 
 
@@ -40,7 +41,10 @@ def allocate(
         float, typer.Option(min=0.0, max=1.0, help="With --running: share of accuracy to give up for that.")
     ] = 0.01,
 ) -> None:
-    """Decide which detector looks at which frame of which stream, where, and at which bitrate."""
+    """Decide which detector looks at which frame of which stream, where, and at which bitrate.
+
+    With --running, streams that cannot be served are left out and named; the others are planned.
+    """
     from pipeline.allocation.problem_file import problem_of
     from pipeline.config.problem import load_problem
 
@@ -49,7 +53,11 @@ def allocate(
     limit_s = file.processing.time_limit if time_limit is None else time_limit
     if running is not None and model is Model.LITERAL:
         raise InputError("--model", "literal with --running", "decomposed: only it plans again")
-    plan = _solve(stated, model, limit_s) if running is None else _replan(stated, running, loss, limit_s)
+    if running is None:
+        plan = _solve(stated, model, limit_s)
+    else:
+        again = _again(stated, problem, running, loss, limit_s)
+        stated, plan = again.problem, again.plan
     if plan.status == "infeasible":
         from pipeline.allocation.explain import explain
 
@@ -68,22 +76,22 @@ def _solve(problem: Problem, model: Model, limit_s: float) -> Plan:
     return solve(problem, time_limit_s=limit_s)
 
 
-def _replan(problem: Problem, running: Path, loss: float, limit_s: float) -> Plan:
+def _again(problem: Problem, path: Path, running: Path, loss: float, limit_s: float) -> PlannedAgain:
+    from pipeline.allocation.again import plan_again
     from pipeline.allocation.plan import plan_from_json
-    from pipeline.allocation.replan import replan
 
     try:
         text = running.read_text(encoding="utf-8")
     except (OSError, ValueError):
         raise InputError(running, "no readable file", "a plan.json of an earlier plan") from None
-    found = replan(problem, plan_from_json(text, running).assignments, loss=loss, time_limit_s=limit_s)
-    if found.plan.assignments:
-        proof = "as few as can be" if found.fewest else "perhaps not the fewest"
-        say(
-            f"{found.kept} substreams go on, {found.ended} end, {found.begun} begin ({proof}); "
-            f"the best plan's objective is {found.best_objective:.6g}"
-        )
-    return found.plan
+    assignments = plan_from_json(text, running).assignments
+    found = plan_again(problem, assignments, loss=loss, time_limit_s=limit_s)
+    if not found.problem.streams:
+        reasons = "; ".join(f"stream {one.stream}: {one.reason}" for one in found.unserved)
+        raise NoPlanError(f"{path}: no stream can be served: {reasons}")
+    for line in found.text.splitlines():
+        say(line)
+    return found
 
 
 def _write(problem: Problem, plan: Plan, out: Path) -> None:

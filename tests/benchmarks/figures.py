@@ -51,7 +51,7 @@ def main() -> None:
             if not mission.is_file():
                 searchlight("simulate", ROOT / f"configs/scenarios/{name}.yaml", "--out", mission.parent)
             lines.append(f"{name}: {run(mission, out / name)}")
-        for name in ("fusion", "fusion_throughput", "error_ellipse", "link", "allocation"):
+        for name in ("fusion", "fusion_throughput", "error_ellipse", "link", "allocation", "replan"):
             script = ROOT / f"tests/benchmarks/bench_{name}.py"
             subprocess.run([sys.executable, script], cwd=ROOT, check=True)
     print(*lines, sep="\n")

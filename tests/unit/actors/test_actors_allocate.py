@@ -76,7 +76,34 @@ def test_a_plan_is_written_and_planned_again_from(
     assert (tmp_path / "out" / "schedule.png").read_bytes().startswith(b"\x89PNG")
     assert run(monkeypatch, problem, "--running", tmp_path / "out" / "plan.json") == 0
     said = capsys.readouterr().err.replace("\n", " ")
-    assert "6 substreams go on, 0 end, 0 begin (as few as can be)" in said
+    assert "3 of 3 streams served (proven); 6 substreams go on, 0 end, 0 begin" in said
+
+
+def test_a_stream_that_can_no_longer_be_served_is_named_and_the_others_are_planned_again(
+    problem: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    change(problem, "problem.yaml", "count: 3}]", "count: 2}, {id: far, site: air}]")
+    change(problem, "inventory.yaml", "links: [", "links: [{stream: far, site: van, bandwidth: {mbps: 5}}, ")
+    assert run(monkeypatch, problem, "--out", tmp_path / "out") == 0
+    change(
+        problem,
+        "inventory.yaml",
+        "far, site: van, bandwidth: {mbps: 5}",
+        "far, site: van, bandwidth: {mbps: 0.2}",
+    )
+    again = ("--running", tmp_path / "out" / "plan.json", "--out", tmp_path / "again")
+    assert run(monkeypatch, problem, *again) == 0
+    said = " ".join(capsys.readouterr().err.split())
+    assert "2 of 3 streams served (proven); 4 substreams go on, 2 end, 0 begin" in said
+    assert (
+        "stream far is not served: its links carry too little (0.2 Mbps to van; the least level is 1" in said
+    )
+    document = json.loads((tmp_path / "again" / "plan.json").read_text())
+    assert document["problem"]["streams"] == ["uav", "uav-2"]
+    change(problem, "pool.yaml", "gigabytes: 1", "gigabytes: 5")
+    assert run(monkeypatch, problem, "--running", tmp_path / "out" / "plan.json") == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert "no stream can be served: stream uav: the machines that it reaches have not the memory" in said
 
 
 def test_a_problem_without_a_plan_names_the_limits_and_the_change_that_is_enough(
