@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import multiprocessing
+import os
 import queue
 import re
+import signal
 import socket
 import struct
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from multiprocessing.connection import Connection
 
 import numpy as np
 import pytest
@@ -157,6 +161,54 @@ def test_a_receiver_that_stops_reading_does_not_hold_the_link_that_another_share
     gate.set()
     for end in (sender, stopped, going):
         end.close()
+
+
+def receive(pipe: Connection) -> None:
+    """In another process: sends the number of each packet that comes."""
+    receiver = Receiver("127.0.0.1", lambda message: pipe.send(message.index), token=TOKEN)  # type: ignore[union-attr]
+    pipe.send(receiver.address)
+    threading.Event().wait()
+
+
+def test_a_stopped_process_is_known_within_two_seconds_holds_nobody_up_and_goes_on_where_it_was() -> None:
+    spawn = multiprocessing.get_context("spawn")
+    told: queue.Queue[tuple[str, str]] = queue.Queue()
+    back: queue.Queue[str] = queue.Queue()
+    sender = LinkSender(
+        TokenBucket(20e6, burst_bytes(20e6)),
+        capacity_bytes=10_000_000,
+        on_lost=lambda *what: told.put(what),
+        on_back=back.put,
+    )
+    ours = {}
+    processes = []
+    for name in ("stopped", "going"):
+        ours[name], theirs = spawn.Pipe()
+        processes.append(spawn.Process(target=receive, args=(theirs,), daemon=True))
+        processes[-1].start()
+        sender.connect(name, ours[name].recv(), TOKEN)
+    try:
+        pid = processes[0].pid
+        assert pid is not None
+        os.kill(pid, signal.SIGSTOP)
+        stopped_s = time.monotonic()
+        for index in range(100):
+            sender.send("stopped", packet(index, 20_000), timeout_s=0)
+            sender.send("going", packet(index, 1_000), timeout_s=0)
+            assert ours["going"].poll(WAIT_S)
+            assert ours["going"].recv() == index
+        name, reason = told.get(timeout=WAIT_S)
+        assert (name, reason) == ("stopped", "silent for 1 s")
+        assert time.monotonic() - stopped_s < 2.0
+        assert sender.is_up("going")
+        os.kill(pid, signal.SIGCONT)
+        assert [ours["stopped"].recv() for _ in range(100)] == list(range(100))
+        assert back.get(timeout=WAIT_S) == "stopped"
+        assert sender.lost == 0
+    finally:
+        for process in processes:
+            process.kill()
+        sender.close()
 
 
 def test_a_peer_that_says_hello_and_no_more_costs_the_time_limit_and_no_more() -> None:
