@@ -159,7 +159,8 @@ def test_a_detector_that_hangs_holds_up_no_other_and_goes_on_with_a_key_frame(
     link = RadioLink("v", {"site": 4e6}, TOKEN)
     for a in plan:
         link.connect(a.site, a.detector, receiver.address)
-    stage = SourceStage(stream, plan, link, SourceParams(max_backlog_s=5.0))
+    params = SourceParams(max_backlog_s=5.0, keyframe_interval_s=100.0)  # none but the one that is asked for
+    stage = SourceStage(stream, plan, link, params)
     threading.Timer(3.5, resume.set).start()
     stage.run(realtime())
     assert link.close() == []
