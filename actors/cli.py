@@ -11,9 +11,6 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.box import SIMPLE_HEAD
-from rich.console import Console
-from rich.table import Table
 
 from actors.commands import allocate, detector, evaluate, experiment, experiment_allocation, fuse, init, pool
 from actors.terminal import progress_bars as _progress
@@ -125,36 +122,23 @@ def run(
         Path | None,
         typer.Option(help="Run directory of an earlier flight: its map goes on with this one, in --out."),
     ] = None,
+    resume: Annotated[
+        Path | None,
+        typer.Option(help="Run directory of a run that was cut off: goes on with it, in the same directory."),
+    ] = None,
+    checkpoint_every: Annotated[
+        float, typer.Option(min=0.0, help="Seconds between checkpoints, which make resuming quicker.")
+    ] = 60.0,
 ) -> None:
     """Detect, fuse and map: from video files to the people found."""
-    from actors.mission import RunOptions, run_on_ray
-    from pipeline.logs import logged_run
-    from pipeline.mission.find_mission import find_mission
-    from pipeline.mission.local import run_local
-    from pipeline.mission.noticed import noticed
-    from pipeline.mission.onto import read_earlier_run
-    from pipeline.mission.planning import plan
-    from pipeline.mission.prepared import prepare
-    from pipeline.mission.run_directory import write_run_directory
-    from pipeline.storage.claim import claimed
+    from actors.commands.run import RunRequest, run_mission
 
-    mission = find_mission(mission)
-    out = mission.parent / "run" if out is None else out
-    with claimed(out), logged_run(out):
-        earlier = None if onto is None else read_earlier_run(onto)
-        prepared = noticed(prepare(mission, earlier))
-        with _progress("frames") as progress:
-            if local:
-                finished = run_local(prepared, plan(prepared), progress)
-            else:
-                options = RunOptions(pace.value, address, metrics_port, metrics_host)
-                finished = run_on_ray(prepared, options, progress, _say)
-        summary = write_run_directory(prepared, finished, out)
-    for finding in summary.findings:
-        if finding.severity == "warning":
-            _say(str(finding))
-    _print_people(summary)
-    _say(f"{summary.video_seconds:.1f} s of video in {summary.seconds:.1f} s; see {out / 'report.html'}")
+    request = RunRequest(
+        mission, out, pace.value, local, address, metrics_port, metrics_host, onto, resume, checkpoint_every
+    )
+    code = run_mission(request)
+    if code:
+        raise typer.Exit(code)
 
 
 @app.command()
@@ -218,44 +202,6 @@ def main() -> None:
         if error.details:
             _say(error.details)
         sys.exit(error.exit_code)
-
-
-def _print_people(summary) -> None:  # type: ignore[no-untyped-def]
-    from pipeline.outputs.times import clock_time, zone_name
-
-    caption = f"±: 95 %; {zone_name(summary.clock)}"
-    # without rules between columns it fits 80 characters, and no coordinate is cut
-    table = Table(
-        pad_edge=False, caption=caption, caption_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0)
-    )
-    possible = {place.id for place in summary.possible}
-    distance = {} if summary.match is None else summary.match.distance_m
-    for column in ("no.", "prob.", "latitude", "longitude", "±", "last seen", "looks", "off by"):
-        table.add_column(column, justify="right", no_wrap=True)
-    for place in (*summary.locations, *summary.possible):
-        known = (
-            "possible"
-            if place.id in possible
-            else f"{distance[place.id]:.2f} m"
-            if place.id in distance
-            else ""
-            if summary.match is None
-            else "false"
-        )
-        table.add_row(
-            str(place.id),
-            f"{place.probability:.2f}",
-            f"{place.latitude_deg:.6f}",
-            f"{place.longitude_deg:.6f}",
-            f"{place.error.semi_major_m:.2f} m",
-            clock_time(place.last_seen_ns),
-            str(place.looks),
-            known,
-        )
-    console = Console()
-    console.print(summary.verdict.sentence, highlight=False, markup=False)
-    if table.row_count:
-        console.print(table)
 
 
 if __name__ == "__main__":

@@ -6,20 +6,33 @@ import logging
 import os
 import secrets
 import shutil
+import signal
 import tempfile
+import threading
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
 
+from actors.signals import end_children, retake_signals
 from actors.site import all_sites, require_sites
 from pipeline.errors import InputError, RunFailedError
+from pipeline.leftovers import swept
+from pipeline.mission.stopping import Stop
+
+#: Ray takes 1 to 3 s to end, on a busy machine more; whatever is left of a run's time, it gets the least
+_LEAST_S, _MOST_S = 3.0, 30.0
 
 
 @contextmanager
-def cluster(address: str | None, sites: Iterable[str]) -> Iterator[str]:
-    """Within it Ray is connected; yields the host on which the driver's channels listen."""
-    sites = tuple(sites)
+def cluster(address: str | None, sites: Iterable[str], stop: Stop | None = None) -> Iterator[str]:
+    """Within it Ray is connected; yields the host on which the driver's channels listen.
+
+    stop: a Ray of our own that takes longer to end than it leaves is killed.
+    """
+    sites, stop = tuple(sites), stop or Stop()
     if address is None:
-        with _local(sites) as host:
+        with _local(sites, stop) as host:
             yield host
         return
     import ray
@@ -30,6 +43,7 @@ def cluster(address: str | None, sites: Iterable[str]) -> Iterator[str]:
         raise InputError(
             "--address", f"{address} ({str(error).splitlines()[0]})", "the address of a running Ray cluster"
         ) from None
+    retake_signals()
     try:
         require_sites(sites, ray.cluster_resources(), address)  # type: ignore[no-untyped-call]
         yield ray.util.get_node_ip_address()  # type: ignore[no-untyped-call]
@@ -38,20 +52,19 @@ def cluster(address: str | None, sites: Iterable[str]) -> Iterator[str]:
 
 
 @contextmanager
-def _local(sites: tuple[str, ...]) -> Iterator[str]:
+def _local(sites: tuple[str, ...], stop: Stop) -> Iterator[str]:
     # Ray otherwise replaces 127.0.0.1 by the machine's outside address, writes a token file into the home
     # folder, and reports usage to its makers.
     os.environ.setdefault("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")
     os.environ.setdefault("RAY_AUTH_MODE", "token")
     os.environ.setdefault("RAY_AUTH_TOKEN", secrets.token_hex(32))
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
-    import ray
 
     # Ray's sockets must have short paths
     folder = tempfile.mkdtemp(prefix="searchlight-", dir="/tmp" if os.path.isdir("/tmp") else None)
     try:
         try:
-            ray.init(
+            _init(
                 address="local",
                 num_cpus=os.cpu_count(),
                 resources=all_sites(sites),
@@ -67,7 +80,36 @@ def _local(sites: tuple[str, ...]) -> Iterator[str]:
             # on a machine that is busy beyond measure Ray gives up waiting for its own parts
             reason = str(error).splitlines()[0] if str(error) else type(error).__name__
             raise RunFailedError(f"Ray did not start ({reason}); try again, or run with --local") from None
-        yield "127.0.0.1"
+        with swept(Path(folder)):
+            yield "127.0.0.1"
     finally:
-        ray.shutdown()
+        _shut_down(stop)
         shutil.rmtree(folder, ignore_errors=True)
+
+
+def _init(**arguments: Any) -> None:
+    """Start Ray so that a terminal that is closed does not take its processes with it: only we decide their end."""
+    import ray
+
+    # what is ignored stays ignored in the processes that are started now
+    former = signal.signal(signal.SIGHUP, signal.SIG_IGN) if _is_main_thread() else None
+    try:
+        ray.init(**arguments)
+    finally:
+        if former is not None:
+            signal.signal(signal.SIGHUP, former)
+        retake_signals()
+
+
+def _shut_down(stop: Stop) -> None:
+    import ray
+
+    ending = threading.Thread(target=ray.shutdown, daemon=True)
+    ending.start()
+    ending.join(max(_LEAST_S, min(stop.left_s, _MOST_S)))
+    if ending.is_alive() or stop.reason is not None:
+        end_children()
+
+
+def _is_main_thread() -> bool:
+    return threading.current_thread() is threading.main_thread()

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from pipeline.allocation.plan import Plan
 from pipeline.errors import SearchlightError, failure
+from pipeline.ingest.finding import Finding
 from pipeline.link.receiver import Receiver
 from pipeline.messages import Detections, Message
+from pipeline.mission.durable_reducer import Acknowledgement
 from pipeline.mission.local import make_reducer
 from pipeline.mission.prepared import PreparedMission
+from pipeline.mission.run_journal import RunJournal, journal_findings
 from pipeline.mission.stages.reducer import HopHistogram, ReducerStage
 
 Address = tuple[str, int]
@@ -24,7 +28,8 @@ class ReducerStatus:
     """What the reducer has done so far.
 
     results, dropped: per (stream, detector). frames, frames_dropped: per stream, each frame once.
-    hops: latencies per (stream, detector) and hop.
+    hops: latencies per (stream, detector) and hop. acknowledged: what is on the disk. trouble: why nothing is written
+    there at present. taken: messages that came, per (stream, detector).
     """
 
     open_substreams: int
@@ -37,27 +42,45 @@ class ReducerStatus:
     hops: dict[tuple[str, str], dict[str, HopHistogram]]
     rejected: int
     error: SearchlightError | None
+    acknowledged: tuple[Acknowledgement, ...] = ()
+    trouble: str | None = None
+    taken: dict[tuple[str, str], int] = field(default_factory=dict)
 
 
 class ReducerActor:
-    """Takes results from every machine."""
+    """Takes results from every machine. A thread of its own commits what was taken, and writes checkpoints."""
 
     def __init__(
-        self, prepared: PreparedMission, plan: Plan, host: str, token: bytes, realtime: bool
+        self,
+        prepared: PreparedMission,
+        plan: Plan,
+        host: str,
+        token: bytes,
+        realtime: bool,
+        journal: RunJournal,
     ) -> None:
+        """journal: on a disk of the node that the actor is on; what it holds is where the reducer begins."""
         _warm_up(prepared, plan)
         self._stage = make_reducer(prepared, plan, lateness=realtime)
-        self._lock = threading.Lock()
+        self._durable = journal.reducer(self._stage, time.monotonic())
+        self._changed = threading.Condition()
         self._error: SearchlightError | None = None
+        self._finished = False
+        threading.Thread(target=self._keep, name="journal", daemon=True).start()
         self._receiver = Receiver(host, self._receive, token=token)
 
     def address(self) -> Address:
         """Where the machines send their results."""
         return self._receiver.address
 
+    def acknowledged(self) -> tuple[Acknowledgement, ...]:
+        """What is on the disk, and need not be sent."""
+        with self._changed:
+            return self._durable.acknowledged
+
     def status(self) -> ReducerStatus:
         """A snapshot."""
-        with self._lock:
+        with self._changed:
             stage = self._stage
             streams = sorted({stream for stream, _ in stage.processed})
             return ReducerStatus(
@@ -71,22 +94,41 @@ class ReducerActor:
                 hops={key: dict(hops) for key, hops in stage.hops.items()},
                 rejected=self._receiver.rejected,
                 error=self._error,
+                acknowledged=self._durable.acknowledged,
+                trouble=self._durable.trouble,
+                taken=self._durable.taken,
             )
 
-    def finish(self) -> ReducerStage:
-        """Apply what is held back; the map and all that is known of how it came about."""
+    def finish(self) -> tuple[ReducerStage, tuple[Finding, ...]]:
+        """Apply what is held back; the map and all that is known of how it came about, and of its journal."""
         self._receiver.close()
-        with self._lock:
-            self._stage.finish()
-            return self._stage
+        with self._changed:
+            self._finished = True
+            self._changed.notify_all()
+            self._durable.finish()
+            return self._stage, journal_findings(self._durable)
 
     def _receive(self, message: Message) -> None:
         try:
-            with self._lock:
-                self._stage.push(message)
+            with self._changed:
+                before = self._durable.due_s
+                self._durable.push(message, time.monotonic())
+                if self._durable.due_s < before:
+                    self._changed.notify_all()
         except Exception as error:
             self._error = failure(error)
             raise
+
+    def _keep(self) -> None:
+        """Commit and write checkpoints when they are due."""
+        try:
+            with self._changed:
+                while not self._finished:
+                    self._changed.wait(max(0.0, self._durable.due_s - time.monotonic()))
+                    if not self._finished:
+                        self._durable.tick(time.monotonic())
+        except Exception as error:
+            self._error = failure(error)
 
 
 def _warm_up(prepared: PreparedMission, plan: Plan) -> None:

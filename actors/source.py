@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -12,6 +13,8 @@ from pipeline.clock import Clock
 from pipeline.errors import RunFailedError, SearchlightError, failure
 from pipeline.link.sender import LinkSender, LinkState
 from pipeline.messages import Message
+from pipeline.mission.durable_reducer import Acknowledgement
+from pipeline.mission.missing import WhatIsMissing
 from pipeline.mission.stages.radio_link import RadioLink, RadioParams
 from pipeline.mission.stages.source import SourceCount, SourceParams, SourceStage, StreamInput
 from pipeline.mission.stages.virtual_link import VirtualLink, unlimited
@@ -25,8 +28,9 @@ class SourceStatus:
     """How far the source is.
 
     frames_done of frames_total frames of the video; sampled: on the processing clock, or lost; frames_dropped:
-    sent to nobody, by reason. bytes_sent: per site. links: what is known of each site's link (realtime). error: what
-    went wrong, or None.
+    sent to nobody, by reason. bytes_sent: per site. links: what is known of each site's link (realtime).
+    packets_sent: by detector. reached_s: how much of the video was offered, seconds. finished: nothing more is sent.
+    cut_off: since it was stopped. error: what went wrong, or None.
     """
 
     stream: str
@@ -38,6 +42,13 @@ class SourceStatus:
     bytes_sent: dict[str, int]
     error: SearchlightError | None
     links: dict[str, LinkState] = field(default_factory=dict)
+    packets_sent: dict[str, int] = field(default_factory=dict)
+    reached_s: float = 0.0
+    cut_off: bool = False
+
+
+class _CutOffError(Exception):
+    """The source was told to stop."""
 
 
 class SourceActor:
@@ -63,11 +74,28 @@ class SourceActor:
         self._stage: SourceStage | None = None
         self._bytes: dict[str, int] = {}
         self._link: RadioLink | None = None
+        self._reached_s, self._flush_s = 0.0, math.inf
+        self._stopped, self._cut_off = threading.Event(), False
+        self._known: dict[tuple[str, int], Acknowledgement] = {}
 
-    def start(self, addresses: Mapping[str, Address], pace: Pace, start_time_s: float) -> None:
-        """Begin to send. addresses: by detector. start_time_s: UTC, when the first frame is due."""
+    def start(
+        self,
+        addresses: Mapping[str, Address],
+        pace: Pace,
+        start_time_s: float,
+        known: Sequence[Acknowledgement] = (),
+    ) -> None:
+        """Begin to send. addresses: by detector. start_time_s: UTC, when the first frame is due. known: what the
+        reducer holds already, which is encoded again but not sent.
+        """
+        self._known = {(a.detector, a.epoch): a for a in known if a.stream == self._stream.stream}
         run = self._run_realtime if pace == "realtime" else self._run_max
         threading.Thread(target=self._guard, args=(run, addresses, start_time_s), daemon=True).start()
+
+    def stop(self, flush_s: float) -> None:
+        """Take no further frame; what was taken is sent, at most for so long. The stream does not count as ended."""
+        self._flush_s = flush_s
+        self._stopped.set()
 
     def status(self) -> SourceStatus:
         """A snapshot."""
@@ -82,6 +110,9 @@ class SourceActor:
             bytes_sent=dict(self._bytes),
             error=self._error,
             links=self._link.states() if self._link else {},
+            packets_sent=self._stage.packets_sent if self._stage else {},
+            reached_s=self._reached_s,
+            cut_off=self._cut_off,
         )
 
     def count(self) -> SourceCount:
@@ -97,6 +128,8 @@ class SourceActor:
         try:
             run(addresses, start_time_s)
             self._finished = True
+        except _CutOffError:
+            self._cut_off = self._finished = True
         except Exception as error:
             self._error = failure(error)
 
@@ -109,11 +142,18 @@ class SourceActor:
 
         def wait_until(video_s: float) -> float:
             self._bytes = link.bytes_sent
-            self._clock.sleep(max(0.0, start_s + video_s - self._clock.monotonic_s()))
+            if self._stopped.wait(max(0.0, start_s + video_s - self._clock.monotonic_s())):
+                raise _CutOffError
+            self._reached_s = video_s
             return self._clock.monotonic_s() - start_s
 
         self._stage = SourceStage(self._stream, self._assignments, link, self._params)
-        self._stage.run(wait_until)
+        try:
+            self._stage.run(wait_until)
+        except _CutOffError:
+            for sender in link.senders.values():
+                sender.flush(self._flush_s)
+            raise
         unread = link.close()
         self._bytes = link.bytes_sent
         self._require_read(unread)
@@ -133,11 +173,20 @@ class SourceActor:
 
         def wait_until(video_s: float) -> float:
             self._bytes = dict(link.bytes_sent)
+            if self._stopped.is_set():
+                raise _CutOffError
+            self._reached_s = video_s
             return video_s
 
-        link = VirtualLink(self._bandwidth, deliver)
+        link = VirtualLink(
+            self._bandwidth, WhatIsMissing(deliver, self._is_known) if self._known else deliver
+        )
         self._stage = SourceStage(self._stream, self._assignments, link, self._params)
-        self._stage.run(wait_until)
+        try:
+            self._stage.run(wait_until)
+        except _CutOffError:
+            sender.flush(self._flush_s)
+            raise
         unread = (
             [] if sender.flush(self._radio.stalled_s) else sorted({a.detector for a in self._assignments})
         )
@@ -149,3 +198,7 @@ class SourceActor:
         if unread:
             names = ", ".join(unread)
             raise RunFailedError(f"stream {self._stream.stream}: nothing more was read at {names}")
+
+    def _is_known(self, message: Message) -> bool:
+        said = self._known.get((message.detector, message.epoch))
+        return said is not None and message.sequence in said

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn, TimeRemainingColumn
@@ -12,8 +12,9 @@ console = Console(stderr=True)
 
 
 def say(line: str) -> None:
-    """One line, as it is."""
-    console.print(line, soft_wrap=True, highlight=False, markup=False)
+    """One line, as it is; nowhere, if the terminal is gone."""
+    with suppress(OSError):
+        console.print(line, soft_wrap=True, highlight=False, markup=False)
 
 
 @contextmanager

@@ -57,6 +57,18 @@ class ProtocolError(SearchlightError):
     """Bytes from the wire that are not a message of ours; the connection is closed."""
 
 
+class StoppedError(SearchlightError):
+    """The user ended the program, by a signal, before there was anything to keep."""
+
+    def __init__(self, signal_name: str, signal_number: int) -> None:
+        self.signal_name, self.signal_number = signal_name, signal_number
+        self.exit_code = 128 + signal_number
+        super().__init__(f"stopped by {signal_name} before the first frame; nothing was written")
+
+    def __reduce__(self) -> tuple[type[StoppedError], tuple[str, int]]:
+        return type(self), (self.signal_name, self.signal_number)
+
+
 class RunFailedError(SearchlightError):
     """Something broke that the user did not cause; the message carries where."""
 
@@ -65,6 +77,12 @@ class RunFailedError(SearchlightError):
 
 class InvalidPlanError(RunFailedError):
     """A solver's plan breaks a limit of its problem; the message names the faults. It is not handed out."""
+
+
+def in_one_line(error: BaseException) -> str:
+    """What went wrong, without the way there: the last line of a traceback."""
+    lines = [line for line in str(error).splitlines() if line.strip()]
+    return lines[-1].strip() if lines else type(error).__name__
 
 
 def failure(error: Exception) -> SearchlightError:

@@ -7,6 +7,7 @@ in other processes have loggers of their own, which nobody listens to: what beco
 
 from __future__ import annotations
 
+import glob
 import json
 import logging
 import shutil
@@ -16,7 +17,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from uuid import uuid4
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, StoppedError
+from pipeline.leftovers import swept
 
 #: the file of a run directory that holds the log of its run
 LOG_FILE = "run.log"
@@ -70,13 +72,15 @@ def logged_run(out: Path) -> Iterator[None]:
         absolute.with_name(f".{absolute.name}.{uuid4().hex}.log.part"),
         absolute.with_name(f"{absolute.name}.failed-run.log"),
     )
+    _take_over(temporary, absolute)
     handler = _RunFile(temporary, encoding="utf-8")
     handler.setFormatter(_JsonLines())
     _ROOT.addHandler(handler)
     try:
-        yield
+        with swept(temporary):
+            yield
         kept.unlink(missing_ok=True)
-    except InputError:
+    except (InputError, StoppedError):
         raise
     except BaseException as error:
         Log("mission").warning("run failed", error=f"{type(error).__name__}: {error}")
@@ -87,6 +91,16 @@ def logged_run(out: Path) -> Iterator[None]:
         _ROOT.removeHandler(handler)
         handler.close()
         temporary.unlink(missing_ok=True)
+
+
+def _take_over(log: Path, out: Path) -> None:
+    """Begin a log with what a run of the same directory left that was killed; the directory is ours alone now."""
+    for left in sorted(
+        out.parent.glob(f".{glob.escape(out.name)}.*.log.part"), key=lambda p: p.stat().st_mtime
+    ):
+        with left.open("rb") as old, log.open("ab") as new:
+            shutil.copyfileobj(old, new)
+        left.unlink()
 
 
 def keep_log(path: Path) -> None:

@@ -93,6 +93,7 @@ def solve_integer(
         _hint(model, taken, supply, hint)
     solver = cp_model.CpSolver()
     solver.parameters.max_time_in_seconds = max(time_limit_s, 0.01)
+    solver.parameters.catch_sigint_signal = False  # else it takes Ctrl-C for itself, and keeps it
     solver.parameters.num_workers = 1
     solver.parameters.random_seed = seed
     solver.parameters.relative_gap_limit = gap_limit

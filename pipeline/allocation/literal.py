@@ -78,6 +78,7 @@ def solve(problem: Problem, *, time_limit_s: float, workers: int = 1, seed: int 
     literal = build_model(problem)
     solver = cp_model.CpSolver()
     solver.parameters.max_time_in_seconds = time_limit_s
+    solver.parameters.catch_sigint_signal = False  # else it takes Ctrl-C for itself, and keeps it
     solver.parameters.num_workers = workers
     solver.parameters.interleave_search = workers > 1
     solver.parameters.random_seed = seed

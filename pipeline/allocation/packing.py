@@ -200,6 +200,7 @@ def _search(
     model.maximize(sum(on[stay.use, stay.machine] for stay in stays if stay.use in copies))
     solver = cp_model.CpSolver()
     solver.parameters.max_time_in_seconds = max(time_limit_s, 0.01)
+    solver.parameters.catch_sigint_signal = False  # else it takes Ctrl-C for itself, and keeps it
     solver.parameters.num_workers = 1
     if solver.solve(model) not in (cp_model.OPTIMAL, cp_model.FEASIBLE):
         return None

@@ -118,6 +118,14 @@ class DurableReducer:
         """All that was acknowledged so far, one for each substream and epoch."""
         return tuple(self._acknowledged.values())
 
+    @property
+    def taken(self) -> dict[tuple[str, str], int]:
+        """Messages that came, each once, by stream and detector."""
+        counts: Counter[tuple[str, str]] = Counter()
+        for (stream, detector, _), numbers in self._taken.items():
+            counts[stream, detector] += len(numbers)
+        return dict(counts)
+
     def holds(self, message: Message) -> bool:
         """Whether a message was taken, and need not come again."""
         return message.sequence in self._taken.get(_numbered(message), ())

@@ -24,6 +24,16 @@ def stream_account(stream: str, count: SourceCount, reducer: ReducerStage) -> St
     return StreamAccount(stream, count.captured, len(processed), {k: n for k, n in dropped.items() if n})
 
 
+def count_known_to(stream: str, reducer: ReducerStage) -> SourceCount:
+    """Of a source that is gone: the frames of it that the reducer has heard of."""
+    due: dict[int, tuple[str, ...]] = {}
+    for name, detector in reducer.received:
+        if name == stream:
+            for index in sorted(reducer.received[name, detector] | reducer.dropped[name, detector].keys()):
+                due[index] = (*due.get(index, ()), detector)
+    return SourceCount(captured=len(due), due=due)
+
+
 def substream_counts(
     plan: Plan, counts: dict[str, SourceCount], reducer: ReducerStage
 ) -> list[SubstreamCount]:

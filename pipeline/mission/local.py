@@ -8,18 +8,25 @@ from dataclasses import dataclass, field
 
 from pipeline.allocation.plan import Assignment, Plan
 from pipeline.detection import open_pool_detector
+from pipeline.errors import SearchlightError, failure, in_one_line
 from pipeline.fusion.fuser import Fuser
 from pipeline.fusion.sequencer import Sequencer
+from pipeline.ingest.finding import Finding
 from pipeline.link.codec import Codec
 from pipeline.link.sender import LinkState
 from pipeline.logs import Log
 from pipeline.messages import Message
+from pipeline.mission.durable_reducer import DurableReducer
+from pipeline.mission.missing import WhatIsMissing
 from pipeline.mission.onto import go_on
 from pipeline.mission.prepared import PreparedMission
+from pipeline.mission.run_journal import RunJournal, journal_findings
 from pipeline.mission.stages.detector import DetectorStage
 from pipeline.mission.stages.reducer import ReducerStage
 from pipeline.mission.stages.source import SourceCount, SourceParams, SourceStage, StreamInput
 from pipeline.mission.stages.virtual_link import VirtualLink
+from pipeline.mission.stopping import Stop
+from pipeline.outputs.partial import CutOff, Partial
 from pipeline.sensor.substream import SubstreamModel, as_sent, substream_model
 
 _LOG = Log("mission")
@@ -33,7 +40,8 @@ class FinishedRun:
     plan: what ran. reducer: with the map. counts: of the sources. bytes_sent: per (stream, site). seconds:
     first frame to last result. pace: ``realtime``, ``max``, ``local``, or ``fuse`` for detections that others
     made; own_detections: sentences about these, see Summary. links: measured, per (stream, site), in real
-    time.
+    time. partial: why and where it ended too early, if it did. findings: what was noticed on the way. error: that
+    ended it.
     """
 
     plan: Plan
@@ -44,27 +52,87 @@ class FinishedRun:
     pace: str
     own_detections: tuple[str, ...] = ()
     links: Mapping[tuple[str, str], LinkState] = field(default_factory=dict)
+    partial: Partial | None = None
+    findings: tuple[Finding, ...] = ()
+    error: SearchlightError | None = None
 
 
-def run_local(prepared: PreparedMission, plan: Plan, progress: Progress) -> FinishedRun:
-    """Process every stream, one frame of each in turn. progress(stream, frames done, frames in all)."""
+@dataclass(frozen=True)
+class Processed:
+    """counts: of the sources. bytes_sent: per (stream, site). cut_off: streams that were not sent to their end. error:
+    that ended it.
+    """
+
+    counts: dict[str, SourceCount]
+    bytes_sent: dict[tuple[str, str], int]
+    cut_off: tuple[CutOff, ...] = ()
+    error: SearchlightError | None = None
+
+
+def run_local(
+    prepared: PreparedMission,
+    plan: Plan,
+    progress: Progress,
+    journal: RunJournal | None = None,
+    stop: Stop | None = None,
+) -> FinishedRun:
+    """Process every stream, one frame of each in turn. progress(stream, frames done, frames in all).
+
+    journal: where what is taken is kept; what it holds already is not looked at again. stop: asked after every round.
+    """
     started = time.monotonic()
     _LOG.event("run begins", streams=[s.stream for s in prepared.streams], pace="local")
-    reducer = make_reducer(prepared, plan, lateness=False)
-    counts, sent = process(prepared, plan, reducer.push, progress)
-    reducer.finish()
-    _LOG.event("run ends", seconds=round(time.monotonic() - started, 3))
-    return FinishedRun(plan, reducer, counts, sent, time.monotonic() - started, "local")
+    reducer, stop = make_reducer(prepared, plan, lateness=False), stop or Stop()
+    durable = None if journal is None else journal.reducer(reducer, started)
+
+    def push(message: Message) -> None:
+        if durable is None:
+            reducer.push(message)
+        else:
+            durable.push(message, time.monotonic())
+            durable.tick(time.monotonic())
+
+    done = process(prepared, plan, push, progress, stop, durable)
+    if done.error is not None:
+        if not any(reducer.received.values()):
+            raise done.error
+        stop.ask(f"failed: {in_one_line(done.error)}")
+    (durable or reducer).finish()
+    seconds = time.monotonic() - started
+    _LOG.event("run ends", seconds=round(seconds, 3))
+    partial = None
+    if stop.reason is not None and done.cut_off:
+        partial = Partial(stop.reason, stop.at_ns, done.cut_off)
+    findings = () if durable is None else journal_findings(durable)
+    return FinishedRun(
+        plan,
+        reducer,
+        done.counts,
+        done.bytes_sent,
+        seconds,
+        "local",
+        partial=partial,
+        findings=findings,
+        error=done.error,
+    )
 
 
 def process(
-    prepared: PreparedMission, plan: Plan, push: Callable[[Message], None], progress: Progress
-) -> tuple[dict[str, SourceCount], dict[tuple[str, str], int]]:
-    """Run all but the reducer: push gets its messages. The sources' counts, and bytes per (stream, site)."""
+    prepared: PreparedMission,
+    plan: Plan,
+    push: Callable[[Message], None],
+    progress: Progress,
+    stop: Stop | None = None,
+    durable: DurableReducer | None = None,
+) -> Processed:
+    """Run all but the reducer: push gets its messages. durable: what it holds is not looked at again."""
     stages = make_detectors(prepared, plan)
 
     def deliver_from(stream: str) -> Callable[[str, Message], None]:
-        return lambda detector, message: push(stages[stream, detector].process(message, 0))
+        def deliver(detector: str, message: Message) -> None:
+            push(stages[stream, detector].process(message, 0))
+
+        return deliver if durable is None or not durable.recovered else WhatIsMissing(deliver, durable.holds)
 
     links = {
         s.stream: VirtualLink(bandwidth(prepared, plan, s.stream), deliver_from(s.stream))
@@ -74,12 +142,25 @@ def process(
         s.stream: SourceStage(s, plan.assignments, links[s.stream], source_params(prepared))
         for s in prepared.streams
     }
-    running = {s.stream: _step(s, sources[s.stream], progress) for s in prepared.streams}
-    while running:
-        running = {name: steps for name, steps in running.items() if next(steps, None) is not None}
+    reached_s = {s.stream: s.video.start_s for s in prepared.streams}
+    running = {s.stream: _step(s, sources[s.stream], progress, reached_s) for s in prepared.streams}
+    stop, failed = stop or Stop(), None
+    stop.awaited = True
+    try:
+        while running and stop.reason is None:
+            running = {name: steps for name, steps in running.items() if next(steps, None) is not None}
+    except Exception as error:
+        failed = failure(error)
     counts = {name: source.count for name, source in sources.items()}
     sent = {(name, site): count for name, link in links.items() for site, count in link.bytes_sent.items()}
-    return counts, sent
+    cut_off = tuple(cut_off_at(s, reached_s[s.stream]) for s in prepared.streams if s.stream in running)
+    return Processed(counts, sent, cut_off, failed)
+
+
+def cut_off_at(stream: StreamInput, video_s: float) -> CutOff:
+    """Of a stream that was sent up to a time of its video."""
+    begin_s = stream.video.start_s
+    return CutOff(stream.stream, video_s - begin_s, stream.end_s - begin_s, stream.trajectory.utc_ns(video_s))
 
 
 def make_reducer(
@@ -150,8 +231,11 @@ def bandwidth(prepared: PreparedMission, plan: Plan, stream: str) -> dict[str, f
     return {site: prepared.problem.link_bps[stream, site] for site in used}
 
 
-def _step(stream: StreamInput, source: SourceStage, progress: Progress) -> Iterator[bool]:
+def _step(
+    stream: StreamInput, source: SourceStage, progress: Progress, reached_s: dict[str, float]
+) -> Iterator[bool]:
     for frame in source.frames():
+        reached_s[stream.stream] = frame.time_s
         source.offer(frame, frame.time_s - stream.video.start_s)
         progress(stream.stream, source.count.captured, stream.video.pictures or source.count.captured)
         yield True

@@ -77,9 +77,10 @@ def write_run_directory(prepared: PreparedMission, run: FinishedRun, out: Path) 
     with run_directory(out) as folder:
         for name, voxel_map in fuser.maps.items():
             of_class = "" if voxel_map is fuser.map else f"-{name}"
-            write_saliency(folder / f"saliency{of_class}.tif", voxel_map)
-        write_salient(folder / "salient.geojson", locations, summary.match, summary.clock, prepared.heights)
-        write_salient(folder / "possible.geojson", possible, None, summary.clock, prepared.heights)
+            write_saliency(folder / f"saliency{of_class}.tif", voxel_map, run.partial)
+        known = (summary.clock, prepared.heights, run.partial)
+        write_salient(folder / "salient.geojson", locations, summary.match, *known)
+        write_salient(folder / "possible.geojson", possible, None, *known)
         write_text(folder / "plan.json", plan_to_json(run.plan, prepared.problem))
         write_bytes(folder / "map.png", png(map_picture(fuser.map, tracks, locations, truth, possible)))
         write_bytes(folder / "schedule.png", png(schedule))
@@ -125,11 +126,13 @@ def _summary(
         clock=prepared.clock,
         findings=(
             *prepared.findings,
+            *run.findings,
             *check_networks(prepared, run.plan),
             *_of_box_sizes(prepared, run),
         ),
         left_out=prepared.left_out,
         own_detections=run.own_detections,
+        partial=run.partial,
     )
 
 

@@ -11,6 +11,7 @@ from rasterio.transform import from_origin
 from rasterio.windows import Window
 
 from pipeline.fusion.voxel_map import VoxelMap
+from pipeline.outputs.partial import Partial
 from pipeline.storage.versions import stamp
 from pipeline.storage.whole_or_nothing import replacing
 
@@ -31,13 +32,14 @@ _TILE = 256
 MOST_CELLS = 100_000_000
 
 
-def write_saliency(path: Path, voxel_map: VoxelMap) -> None:
+def write_saliency(path: Path, voxel_map: VoxelMap, partial: Partial | None = None) -> None:
     """Write the map, north up, one float32 band for each of BANDS; VoxelMap says what they are.
 
     Where nobody looked, probability, log_odds, resolution, pod and unseen_for are NaN, the nodata value: no picture
     says anything about that ground, and counts are 0. unseen_for: seconds from when a cell was last seen to the map's
     newest look. In all bands NaN where the terrain is unknown. The CRS is that of the map frame. Counts are exact up
-    to 2^24. Of a map of more than MOST_CELLS only the part that was looked at is written. The same map gives
+    to 2^24. Of a map of more than MOST_CELLS only the part that was looked at is written. partial: of a run that
+    ended too early; its sentence is the tag PARTIAL. The same map gives
     the same bytes.
     """
     rows, columns = _window(voxel_map)
@@ -67,7 +69,8 @@ def write_saliency(path: Path, voxel_map: VoxelMap) -> None:
             strip = slice(max(rows.stop - top - _TILE, rows.start), rows.stop - top)
             bands = _bands(voxel_map, (strip, columns), newest_ns)
             target.write(bands, window=Window(0, top, bands.shape[2], bands.shape[1]))
-        target.update_tags(**{key.upper(): str(value) for key, value in stamp("map").items()})
+        tags = {key.upper(): str(value) for key, value in stamp("map").items()}
+        target.update_tags(**tags | ({} if partial is None else {"PARTIAL": partial.sentence}))
         target.descriptions = tuple(name for name, _ in BANDS)
         target.units = tuple(unit for _, unit in BANDS)
 

@@ -11,6 +11,7 @@ from pipeline.fusion.error_ellipse import PROBABILITY, ErrorEllipse
 from pipeline.fusion.salient import SalientLocation
 from pipeline.geo.heights import UNKNOWN, Heights
 from pipeline.ingest.track import Clock
+from pipeline.outputs.partial import Partial
 from pipeline.outputs.times import iso_time, zone_name
 from pipeline.outputs.truth import TruthMatch
 from pipeline.storage.versions import stamp
@@ -26,15 +27,18 @@ def write_salient(
     match: TruthMatch | None = None,
     clock: Clock = "utc",
     heights: Heights = UNKNOWN,
+    partial: Partial | None = None,
 ) -> None:
     """Write one point per place: longitude, latitude (WGS84), height above the ellipsoid; none if it is not known.
 
     match: gives the property ``truth_distance_m``, the horizontal distance to the true place, if known. heights: what
-    the map's heights, which are in the properties, count from.
+    the map's heights, which are in the properties, count from. partial: of a run that ended too early; its sentence is
+    the member ``partial`` of the collection.
     """
     distance_m = {} if match is None else match.distance_m
     features = [_feature(location, distance_m.get(location.id), clock, heights) for location in locations]
-    collection = {"type": "FeatureCollection"} | stamp("places") | {"features": features}
+    said = {} if partial is None else {"partial": partial.sentence}
+    collection = {"type": "FeatureCollection"} | stamp("places") | said | {"features": features}
     write_text(path, json.dumps(collection, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
 
 

@@ -16,6 +16,7 @@ from pipeline.ingest.finding import Finding
 from pipeline.ingest.track import Clock
 from pipeline.outputs.accounting import StreamAccount
 from pipeline.outputs.earlier_flight import EarlierFlight, flight_to_json
+from pipeline.outputs.partial import Partial, partial_json
 from pipeline.outputs.salient_geojson import ellipse_json, map_probability_json, support_json
 from pipeline.outputs.times import iso_time, zone_name
 from pipeline.outputs.truth import MATCH_RADIUS_M, TruthMatch
@@ -99,7 +100,7 @@ class Summary:
     own_detections: where detections that were
     not made by this run come from, and what was assumed of them, a sentence each; empty: this run made them. possible:
     places below the threshold that were detected again and again. coverage: of the ground that was to be searched.
-    earlier: flights whose map this run has continued.
+    earlier: flights whose map this run has continued. partial: why and where it ended too early; None: it did not.
     """
 
     mission: str
@@ -131,12 +132,14 @@ class Summary:
             self.findings,
             possible=self.possible,
             coverage=self.coverage,
+            partial=self.partial,
         )
 
     own_detections: Sequence[str] = ()
     possible: Sequence[SalientLocation] = ()
     coverage: Coverage | None = None
     earlier: Sequence[EarlierFlight] = ()
+    partial: Partial | None = None
 
 
 def write_summary(path: Path, summary: Summary) -> None:
@@ -152,6 +155,7 @@ def summary_to_json(summary: Summary) -> dict[str, Any]:
         "mission": summary.mission,
         "mission_file": summary.mission_file,
         "pace": summary.pace,
+        "partial": partial_json(summary.partial),
         "seconds": round(summary.seconds, 3),
         "video_seconds": round(summary.video_seconds, 3),
         "plan": _plan(summary.plan),

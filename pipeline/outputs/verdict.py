@@ -9,6 +9,7 @@ from typing import Literal
 
 from pipeline.fusion.salient import SalientLocation
 from pipeline.ingest.finding import Finding
+from pipeline.outputs.partial import Partial
 from pipeline.outputs.truth import TruthMatch
 from pipeline.second_look.coverage import Coverage
 
@@ -67,10 +68,12 @@ def judge(
     *,
     possible: Sequence[SalientLocation] = (),
     coverage: Coverage | None = None,
+    partial: Partial | None = None,
 ) -> Verdict:
     """boxes: reported by all detectors. not_taken: what of them the map did not take, reason -> count.
 
-    possible: places below the threshold. coverage: of the ground that was to be searched; None: not known.
+    possible: places below the threshold. coverage: of the ground that was to be searched; None: not known. partial:
+    of a run that ended too early: the sentence begins with it.
     """
     doubt = _doubt(not_taken, boxes) or _wrong_places(findings)
     blind = coverage is not None and coverage.seen_m2 == 0.0
@@ -90,6 +93,8 @@ def judge(
     else:
         said = [_found(locations, match), *_besides(possible, bool(locations))]
         sentence = " ".join([*said, *_left_out(coverage, bool(locations) or match is not None)])
+    if partial is not None:
+        sentence = f"{partial.sentence} {sentence}"
     return Verdict(kind, sentence, dict(not_taken), boxes, doubts_of(not_taken, boxes, findings))
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TextIO
 
 from pipeline.errors import InputError
+from pipeline.leftovers import swept
 from pipeline.storage.whole_or_nothing import check_run_directory
 
 
@@ -34,7 +35,8 @@ def claimed(path: Path) -> Iterator[None]:
         file.write(f"{os.getpid()}\n")
         file.flush()
         try:
-            yield
+            with swept(lock):
+                yield
         finally:
             lock.unlink(missing_ok=True)
 

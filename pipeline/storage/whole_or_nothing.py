@@ -30,6 +30,8 @@ _UNLISTED = (
     *("plan.json", "map.png", "schedule.png", "report.html"),
 )
 WRITTEN_BY = "searchlight run"
+#: the file, within a run directory, of a run that goes on or was cut off
+UNFINISHED = "journal/run.json"
 #: a disk with less than this is full
 _LEAST_FREE_BYTES = 65_536
 
@@ -68,7 +70,7 @@ def make_folder(path: Path) -> None:
 
 
 def check_run_directory(path: Path) -> None:
-    """Raise InputError unless a run may write here: absent, empty, or the directory of an earlier run."""
+    """Raise InputError unless a run may write here: absent, empty, or the directory of a run, finished or not."""
     try:
         usable = not path.exists() or (path.is_dir() and (_is_empty(path) or _is_ours(path)))
     except OSError as error:
@@ -171,6 +173,8 @@ def _is_empty(path: Path) -> bool:
 
 
 def _is_ours(path: Path) -> bool:
+    if (path / UNFINISHED).is_file():
+        return True
     try:
         summary = json.loads((path / SUMMARY_FILE).read_bytes())
     except (OSError, ValueError):

@@ -154,6 +154,7 @@ def _require_law(after, acknowledged, prefixes, whole):
     assert _known(reducer.stage) == next(k for k, count in prefixes.items() if count == len(MESSAGES))
     reducer.finish()
     assert _map(reducer.stage) == whole
+    assert DurableReducer(_stage(), HERE, "mine", 0.0, PARAMS, after.copy()).recovered == len(MESSAGES)
     for said in reducer.acknowledged:
         assert said.gaps == ()
 
@@ -187,6 +188,13 @@ def test_killed_or_cut_from_power_at_any_step(when, prefixes, whole):
     for crash_at in range(1, _steps() + 1):
         power_cut = (crash_at + len(when)) % 2 == 0
         _require_law_after(crash_at, when, power_cut, prefixes, whole)
+
+
+def test_one_checkpoint_is_enough_if_the_disk_keeps_what_it_has(prefixes, whole, monkeypatch):
+    """Its name is on the disk before what it makes superfluous is removed."""
+    monkeypatch.setattr(f"{__name__}.PARAMS", JournalParams(PARAMS.commit_s, PARAMS.checkpoint_s, 1))
+    for crash_at in range(10, _steps() + 1):
+        _require_law_after(crash_at, "after", True, prefixes, whole)
 
 
 @pytest.mark.slow
@@ -241,6 +249,7 @@ def test_a_damaged_checkpoint_is_said_and_the_one_before_it_is_used(prefixes, wh
         damaged.damage(HERE / newest, at, 1 << (at % 8))
         reducer = DurableReducer(_stage(), HERE, "mine", 0.0, PARAMS, damaged)
         assert newest in reducer.cut[0]
+        assert newest not in damaged.names(HERE)  # nor counted among those that are kept
         assert _known(reducer.stage) == _known(before.stage)
 
 

@@ -171,6 +171,11 @@ class SourceStage:
             self._packets_sent[assignment.detector] = 0
             self._epoch = replace(self._epoch, substreams=(*self._epoch.substreams, opened))
 
+    @property
+    def packets_sent(self) -> dict[str, int]:
+        """Packets that were given to the link, by detector."""
+        return dict(self._packets_sent)
+
     def run(self, wait_until: Callable[[float], float]) -> None:
         """Send the whole stream. wait_until(time since its start, s) returns the link's time when a frame is due."""
         for frame in self.frames():

@@ -57,12 +57,12 @@ def made(small_mission: Path, tmp_path_factory: pytest.TempPathFactory) -> Made:
         results.extend([message] if isinstance(message, Detections) else [])
         reducer.push(message)
 
-    counts, sent = process(prepared, chosen, push, lambda *_: None)
+    done = process(prepared, chosen, push, lambda *_: None)
     reducer.finish()
     # a team without a plan needs neither
     (folder / "pool.yaml").unlink()
     (folder / "inventory.yaml").unlink()
-    return Made(mission, FinishedRun(chosen, reducer, counts, sent, 1.0, "local"), results)
+    return Made(mission, FinishedRun(chosen, reducer, done.counts, done.bytes_sent, 1.0, "local"), results)
 
 
 def rows_of(results: list[Detections]) -> list[list[Any]]:
