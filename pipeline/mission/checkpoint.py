@@ -52,7 +52,7 @@ def load_checkpoint(path: Path, stage: ReducerStage, disk: Disk = LOCAL_DISK) ->
     """
     records = islice(read_records(path, KIND, disk), 1, None)
     state = msgpack.unpackb(next(records), strict_map_key=False, use_list=False)
-    mine = {"substreams": tuple(sorted(stage.received)), "classes": tuple(stage.fuser.maps)}
+    mine = {"substreams": stage.begun_with, "classes": tuple(stage.fuser.maps)}
     for name, expected in mine.items():
         if state[name] != expected:
             raise InputError(f"{path} {name}", repr(state[name]), f"{expected!r}, as this mission's")
@@ -73,7 +73,7 @@ def state_records(stage: ReducerStage) -> Iterator[bytes]:
 def _state(stage: ReducerStage) -> dict[str, Any]:
     sequencer = stage.sequencer.state
     return {
-        "substreams": sorted(stage.received),
+        "substreams": stage.begun_with,
         "classes": list(stage.fuser.maps),
         "looks": [[_plain(getattr(look, f.name)) for f in fields(Look)] for look in stage.fuser.looks],
         "fuser_refused": stage.fuser.refused,

@@ -16,6 +16,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import msgpack
+
 from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.messages import Message, pack, unpack
@@ -28,6 +30,8 @@ from pipeline.storage.journal_segment import Identity
 
 #: of the records in the journal: messages as they travel
 RECORD_KIND = "searchlight results 1"
+#: before a record that is no message; a message begins with a map
+_COMMAND = b"\0"
 _PREFIX, _SUFFIX = "checkpoint-", ".state"
 _LOG = Log("mission")
 #: stream, detector, epoch: within it messages are numbered without gaps
@@ -103,7 +107,7 @@ class DurableReducer:
         start, cut = self._load()
         self._journal, found = recover(disk, folder, identity, start)
         for record in found.records:
-            self._take(unpack(record))
+            self._apply_record(record)
         self.recovered = sum(len(numbers) for numbers in self._taken.values())
         self.cut = (*cut, *found.cut)
         self._since_checkpoint = len(found.records)
@@ -146,6 +150,14 @@ class DurableReducer:
             self._journal.append(pack(message))
         self._since_checkpoint += 1
         self._take(message)
+
+    def open_again(self, stream: str, detector: str, epoch: int) -> None:
+        """As the stage does; on the disk with the next commit."""
+        self._command("open_again", stream, detector, epoch)
+
+    def close(self, stream: str, detector: str, epoch: int, reason: str) -> None:
+        """As the stage does; on the disk with the next commit."""
+        self._command("close", stream, detector, epoch, reason)
 
     @property
     def due_s(self) -> float:
@@ -192,6 +204,23 @@ class DurableReducer:
         acknowledgements = self.commit()
         self.stage.finish()
         return acknowledgements
+
+    def _command(self, name: str, *arguments: object) -> None:
+        record = _COMMAND + msgpack.packb([name, *arguments])
+        if self.trouble is None:
+            self._journal.append(record)
+        self._since_checkpoint += 1
+        self._apply_record(record)
+
+    def _apply_record(self, record: bytes) -> None:
+        if not record.startswith(_COMMAND):
+            self._take(unpack(record))
+            return
+        name, *arguments = msgpack.unpackb(record[len(_COMMAND) :])
+        if name == "open_again":
+            self.stage.open_again(*arguments)
+        else:
+            self.stage.close(*arguments)
 
     def _take(self, message: Message) -> None:
         self._taken.setdefault(_numbered(message), Ranges()).add(message.sequence)

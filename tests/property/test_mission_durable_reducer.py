@@ -5,6 +5,7 @@ holds everything that was acknowledged. When everything is sent again, the map i
 """
 
 from contextlib import suppress
+from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
 
@@ -119,6 +120,10 @@ def _run(disk, acknowledged, messages=MESSAGES, fingerprint="mine"):
     reducer, now_s = DurableReducer(_stage(), HERE, fingerprint, 0.0, PARAMS, disk), 0.0
     for message in messages:
         now_s += MESSAGE_S
+        if isinstance(message, tuple):
+            name, *arguments = message
+            getattr(reducer, name)(*arguments)
+            continue
         reducer.push(message, now_s)
         for said in reducer.tick(now_s):
             acknowledged[said.stream, said.detector, said.epoch] = said
@@ -285,6 +290,41 @@ def test_when_there_is_room_again_a_checkpoint_holds_everything(prefixes, whole)
     acknowledged = {(a.stream, a.detector, a.epoch): a for a in reducer.acknowledged}
     assert _acknowledged_at(acknowledged) == len(MESSAGES)
     _require_law(disk.after_crash(power_cut=True, seed=1), acknowledged, prefixes, whole)
+
+
+def test_what_was_opened_and_closed_while_it_ran_is_so_again():
+    late = [replace(m, epoch=2, sequence=i, index=90 + i, time_ns=900 + i) for i, m in enumerate(
+        m for m in MESSAGES if isinstance(m, Detections) and m.detector == "e"
+    )]  # fmt: skip
+    sent = [
+        *MESSAGES[:20],
+        ("open_again", "b", "e", 2),
+        ("close", "a", "e", 0, "its machine is gone"),
+        *(replace(m, stream="b") for m in late[:5]),
+        *MESSAGES[20:30],
+        ("close", "b", "e", 2, "a new plan"),
+        *MESSAGES[30:],
+    ]
+    expected = _stage()
+    for message in sent:
+        if isinstance(message, tuple):
+            name, *arguments = message
+            getattr(expected, name)(*arguments)
+        else:
+            expected.push(message)
+    for count in (21, 23, 26, 32, 38, len(sent)):
+        disk = MemoryDisk()
+        _run(disk, {}, sent[:count])
+        reducer = DurableReducer(_stage(), HERE, "mine", 0.0, PARAMS, disk.after_crash(True, count))
+        once = _stage()
+        for message in sent[:count]:
+            if isinstance(message, tuple):
+                name, *arguments = message
+                getattr(once, name)(*arguments)
+            else:
+                once.push(message)
+        assert _known(reducer.stage) == _known(once)
+    assert _known(once) == _known(expected)
 
 
 def test_an_acknowledgement_names_what_did_not_come():

@@ -34,7 +34,9 @@ class HopHistogram:
 
 
 class ReducerStage:
-    """Owns the map. received, processed, dropped: frame indices per (stream, detector)."""
+    """Owns the map. received, processed, dropped: frame indices per (stream, detector). begun_with: substreams that it
+    was made for; others may be opened.
+    """
 
     def __init__(self, fuser: Fuser, sequencer: Sequencer, substreams: Iterable[tuple[str, str]]) -> None:
         self.fuser = fuser
@@ -44,7 +46,8 @@ class ReducerStage:
         self.detections: Counter[tuple[str, str]] = Counter()
         self.hops: dict[tuple[str, str], dict[str, HopHistogram]] = {}
         self.sequencer = sequencer
-        for key in substreams:
+        self.begun_with = tuple(sorted(substreams))
+        for key in self.begun_with:
             self._account_for(*key)
 
     @property
