@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-import contextlib
-import threading
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-
-import numpy as np
 
 from pipeline.allocation.plan import Assignment
 from pipeline.clock import Clock
 from pipeline.config.pool import PoolDetector
-from pipeline.detection import PERSONS, Detector, NotFiniteError, open_pool_detector
+from pipeline.detection import PERSONS, Detector, open_pool_detector
 from pipeline.errors import InputError, RunFailedError, SearchlightError, failure
 from pipeline.link.codec import Codec
 from pipeline.link.receiver import Receiver
 from pipeline.link.sender import LinkSender, LinkState
-from pipeline.messages import Dropped, EndOfStream, Message, Packet
-from pipeline.mission.stages.detector import DetectorStage
-from pipeline.mission.stages.inbox import Inbox, InboxParams
+from pipeline.messages import Message
+from pipeline.mission.controller.orders import Run
+from pipeline.mission.controller.substreams import Opened
+from pipeline.mission.stages.inbox import InboxParams
+from pipeline.mission.stages.machine import MachineStage
 from pipeline.mission.stages.virtual_link import unlimited
 from pipeline.sensor.substream import as_sent
 
@@ -61,8 +59,7 @@ class MachineActor:
     ) -> None:
         self._machine, self._host, self._token, self._codec = machine, host, token, codec
         self._params, self._clock = params or MachineParams(), Clock()
-        self._inboxes: dict[tuple[str, str], Inbox] = {}
-        self._error: SearchlightError | None = None
+        self._stage: MachineStage | None = None
         self._receiver: Receiver | None = None
         self._results = LinkSender(
             unlimited(), capacity_bytes=self._params.result_bytes, name=f"machine {machine}"
@@ -80,67 +77,47 @@ class MachineActor:
 
         layers: ids of the map's layers by name.
         """
-        self._layers = layers
         self._results.connect(_RESULTS, reducer, self._token)
-        for a in assignments:
-            detector = self._opened(a, detectors[a.pool_detector])
-            # the first picture takes longer than all others: not while the drone flies
-            with contextlib.suppress(NotFiniteError):  # of a black picture; frames are dropped and counted
-                detector.detect(np.zeros((576, 1024, 3), dtype=np.uint8))
-            stage = DetectorStage(detector, a.codec or self._codec)
-            inbox = self._inboxes[a.stream, a.detector] = self._inbox(a, drops=realtime)
-            threading.Thread(target=self._work, args=(stage, inbox), daemon=True).start()
-        self._receiver = Receiver(self._host, self._receive, token=self._token)
+        self._stage = MachineStage(
+            self._machine,
+            self._codec,
+            lambda assignment: self._opened(assignment, detectors[assignment.pool_detector], layers),
+            self._answer,
+            self._ask_restart,
+            self._params.inbox,
+            self._clock,
+            drops=realtime,
+        )
+        self._stage.run(Run(self._machine, tuple(Opened(0, a) for a in assignments)))
+        self._stage.wait_ready()
+        self._receiver = Receiver(self._host, self._stage.put, token=self._token)
         return self._receiver.address
 
-    def _opened(self, assignment: Assignment, detector: PoolDetector) -> Detector:
+    def _opened(self, assignment: Assignment, detector: PoolDetector, layers: Mapping[str, int]) -> Detector:
         """Raises InputError, with the machine's name, for what cannot be had here, such as CUDA."""
         try:
             row = as_sent(detector, assignment.codec or self._codec, assignment.bitrate_bps)
-            return open_pool_detector(row, self._layers, assignment.setup)
+            return open_pool_detector(row, layers, assignment.setup)
         except InputError as error:
             where = f"machine {self._machine}: {error.where}"
             raise InputError(where, error.found, error.expected) from None
 
     def status(self) -> MachineStatus:
         """A snapshot."""
-        waiting = {key: len(inbox) for key, inbox in self._inboxes.items()}
-        receiver, error = self._receiver, self._error
+        stage, receiver = self._stage, self._receiver
+        waiting, error = (stage.waiting, stage.error) if stage else ({}, None)
         if receiver is not None and receiver.error is not None and error is None:
             error = failure(receiver.error)
         rejected = receiver.rejected if receiver else 0
         return MachineStatus(self._machine, waiting, rejected, error, self._results.state())
 
-    def _inbox(self, assignment: Assignment, drops: bool) -> Inbox:
-        stream, detector = assignment.stream, assignment.detector
+    def _ask_restart(self, stream: str, detector: str) -> None:
+        if self._receiver is not None:
+            self._receiver.want_restart(stream, detector)
 
-        def want_restart() -> None:
-            if self._receiver is not None:
-                self._receiver.want_restart(stream, detector)
-
-        def on_drop(drop: Dropped) -> None:  # on the thread that reads, which waits for nobody
-            self._answer(drop, patience_s=0.0)
-
-        return Inbox(self._params.inbox, self._clock, drops=drops, on_drop=on_drop, want_restart=want_restart)
-
-    def _receive(self, message: Message) -> None:
-        if isinstance(message, Packet | EndOfStream):
-            self._inboxes[message.stream, message.detector].put(message)
-
-    def _work(self, stage: DetectorStage, inbox: Inbox) -> None:
-        try:
-            while True:
-                waiting = inbox.get()
-                message = waiting.message
-                late = inbox.is_late(waiting)
-                self._answer(stage.skip(message) if late else stage.process(message, waiting.received_ns))
-                if isinstance(message, EndOfStream):
-                    return
-        except Exception as error:
-            self._error = failure(error)
-
-    def _answer(self, result: Message, patience_s: float | None = None) -> None:
-        limit_s = self._params.stalled_s if patience_s is None else patience_s
+    def _answer(self, result: Message, urgent: bool) -> None:
+        """urgent: on a thread that waits for nobody."""
+        limit_s = 0.0 if urgent else self._params.stalled_s
         try:
             if self._results.send(_RESULTS, result, limit_s):
                 return

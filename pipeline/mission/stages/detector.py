@@ -4,20 +4,28 @@ from __future__ import annotations
 
 import contextlib
 import time
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.detection import Detector, NotFiniteError
+from pipeline.detection import NotFiniteError
 from pipeline.link.codec import Codec, Decoder
 from pipeline.messages import Detections, EndOfStream, FloatArray, Hops, Message, Packet
 from pipeline.mission.stages.inbox import BUSY, dropped
 
 
+class Looks(Protocol):
+    """What finds boxes in a picture, see ``pipeline.detection.Detector``."""
+
+    def detect(self, image: NDArray[np.uint8]) -> tuple[FloatArray, FloatArray, NDArray[np.int64]]:
+        """Boxes (N, 4) in pixels, scores (N,), class ids (N,)."""
+
+
 class DetectorStage:
     """One decoder and one detector; call it with the messages of its substream in their order."""
 
-    def __init__(self, detector: Detector, codec: Codec) -> None:
+    def __init__(self, detector: Looks, codec: Codec) -> None:
         self._detector = detector
         self._decoder = Decoder(codec)
 

@@ -70,7 +70,7 @@ class Inbox:
         self._on_drop, self._want_restart = on_drop, want_restart
         self._items: deque[Waiting] = deque()
         self._changed = threading.Condition()
-        self._broken, self._asked = False, False
+        self._broken, self._asked, self._closed = False, False, False
 
     def __len__(self) -> int:
         return len(self._items)
@@ -91,12 +91,19 @@ class Inbox:
         if ask:
             self._want_restart()
 
-    def get(self) -> Waiting:
-        """The next message; waits for it."""
+    def get(self) -> Waiting | None:
+        """The next message; waits for it. None once the inbox is closed."""
         with self._changed:
-            self._changed.wait_for(lambda: self._items)
+            self._changed.wait_for(lambda: self._items or self._closed)
             self._changed.notify_all()
-            return self._items.popleft()
+            return None if self._closed else self._items.popleft()
+
+    def close(self) -> None:
+        """Give out nothing more, and hold nobody up; what waits is thrown away."""
+        with self._changed:
+            self._closed = True
+            self._items.clear()
+            self._changed.notify_all()
 
     def is_late(self, waiting: Waiting) -> bool:
         """Whether it waited too long to be looked at; never where nothing may be dropped."""
@@ -119,12 +126,14 @@ class Inbox:
     def _put_in_time(self, waiting: Waiting) -> None:
         with self._changed:
             room = self._changed.wait_for(
-                lambda: self._drops or len(self._items) < self._params.packets, self._params.patience_s
+                lambda: self._closed or self._drops or len(self._items) < self._params.packets,
+                self._params.patience_s,
             )
             if not room:
                 found = f"took no packet for {self._params.patience_s:g} s"
                 raise RunFailedError(f"detector {getattr(waiting.message, 'detector', '?')} {found}")
-            self._items.append(waiting)
+            if not self._closed:
+                self._items.append(waiting)
             self._changed.notify_all()
 
 

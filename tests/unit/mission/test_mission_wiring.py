@@ -174,9 +174,8 @@ def test_what_a_machine_lacks_is_refused_before_the_start_with_the_machine_s_nam
     if "CUDAExecutionProvider" in onnxruntime.get_available_providers():
         pytest.skip("this machine has CUDA")
     actor = MachineActor("m", "127.0.0.1", b"t", "h264")
-    actor._layers = LAYERS
     with pytest.raises(InputError, match=r"machine m: .*nano\.onnx: found provider 'cuda'"):
-        actor._opened(wanting, prepared.runnable(a.pool_detector))
+        actor._opened(wanting, prepared.runnable(a.pool_detector), LAYERS)
 
 
 def test_cuda_times_on_a_machine_without_cuda_are_refused(tmp_path):
@@ -246,11 +245,10 @@ def test_a_machine_opens_its_detectors_with_the_calibration_of_the_plan_s_bitrat
         machine, "open_pool_detector", lambda row, layers, setup: seen.append(row.calibration)
     )
     actor = MachineActor("m", "127.0.0.1", b"t", "h265")
-    actor._layers = LAYERS
     detector = PoolDetector.model_validate(row("d", "small", operating_points=MEASURED))
     expected = []
     for codec in ("", "h264"):
         for a in plan.assignments:
-            actor._opened(replace(a, codec=codec), detector)
+            actor._opened(replace(a, codec=codec), detector, LAYERS)
             expected.append(SCALES[codec or "h265", a.bitrate_bps])
     assert [c.scale for c in seen] == expected
