@@ -15,7 +15,7 @@ from pipeline.errors import InputError, NoPlanError, NoPlanInTimeError
 
 if TYPE_CHECKING:
     from pipeline.allocation.plan import Plan
-    from pipeline.allocation.planned_again import PlannedAgain
+    from pipeline.allocation.planned_again import PlannedAgain, Priorities
     from pipeline.allocation.problem import Problem
 
 
@@ -43,7 +43,8 @@ def allocate(
 ) -> None:
     """Decide which detector looks at which frame of which stream, where, and at which bitrate.
 
-    With --running, streams that cannot be served are left out and named; the others are planned.
+    With --running, streams that cannot be served are left out and named, those of the lowest priority in the
+    problem file first; the others are planned.
     """
     from pipeline.allocation.problem_file import problem_of
     from pipeline.config.problem import load_problem
@@ -56,7 +57,8 @@ def allocate(
     if running is None:
         plan = _solve(stated, model, limit_s)
     else:
-        again = _again(stated, problem, running, loss, limit_s)
+        priorities = {name: stream.priority for stream in file.streams for name in stream.names}
+        again = _again(stated, problem, running, priorities, loss, limit_s)
         stated, plan = again.problem, again.plan
     if plan.status == "infeasible":
         from pipeline.allocation.explain import explain
@@ -76,7 +78,9 @@ def _solve(problem: Problem, model: Model, limit_s: float) -> Plan:
     return solve(problem, time_limit_s=limit_s)
 
 
-def _again(problem: Problem, path: Path, running: Path, loss: float, limit_s: float) -> PlannedAgain:
+def _again(
+    problem: Problem, path: Path, running: Path, priorities: Priorities, loss: float, limit_s: float
+) -> PlannedAgain:
     from pipeline.allocation.again import plan_again
     from pipeline.allocation.plan import plan_from_json
 
@@ -85,7 +89,7 @@ def _again(problem: Problem, path: Path, running: Path, loss: float, limit_s: fl
     except (OSError, ValueError):
         raise InputError(running, "no readable file", "a plan.json of an earlier plan") from None
     assignments = plan_from_json(text, running).assignments
-    found = plan_again(problem, assignments, loss=loss, time_limit_s=limit_s)
+    found = plan_again(problem, assignments, priorities=priorities, loss=loss, time_limit_s=limit_s)
     if not found.problem.streams:
         reasons = "; ".join(f"stream {one.stream}: {one.reason}" for one in found.unserved)
         raise NoPlanError(f"{path}: no stream can be served: {reasons}")

@@ -83,7 +83,7 @@ def plan_again(
             known=first,
             spare=spare,
         )
-    except NoPlanError as error:  # too many patterns
+    except (NoPlanError, ValueError) as error:  # too many patterns, or the linear solver gave up
         _LOG.warning("only mended, not planned again", reason=str(error))
         return _answer(problem, running, first, None, start)
     chosen = found.placed

@@ -233,7 +233,8 @@ def _stream_class(
     name, levels = streams[0], range(len(problem.bitrates_bps))
     links = [problem.link(name, site) for site in problem.sites]
     capacity = np.array(
-        [UNLIMITED if math.isinf(bps) else round(bps) * problem.cycle for bps in links], dtype=np.int64
+        [UNLIMITED if math.isinf(bps) else min(round(bps) * problem.cycle, UNLIMITED) for bps in links],
+        dtype=np.int64,
     )
     # the shape is stated, since a problem may have lost all its detectors
     gains = [[problem.gain_units(name, d, b) for b in levels] for d in firsts]

@@ -21,13 +21,15 @@ class View(Strict):
 
 class PlannedStream(Strict):
     """A stream. site: where it is filmed. count: so many equal ones, named ID, ID-2, ID-3, ..; the
-    inventory's links of ID are those of each. view: needed for processing.expected_size.
+    inventory's links of ID are those of each. view: needed for processing.expected_size. priority: the
+    greater the more it matters, when it is planned again and not all streams can be served.
     """
 
     id: str = Field(pattern=r"^[A-Za-z0-9_.-]+$")
     site: str
     count: int = Field(default=1, ge=1, le=10_000)
     view: View | None = None
+    priority: int = Field(default=0, ge=-1000, le=1000)
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -106,6 +106,26 @@ def test_a_stream_that_can_no_longer_be_served_is_named_and_the_others_are_plann
     assert "no stream can be served: stream uav: the machines that it reaches have not the memory" in said
 
 
+@pytest.mark.parametrize(("priority", "left_out"), [(5, "uav"), (-5, "far")])
+def test_the_lowest_priority_is_left_out_first_when_the_machines_get_too_few(
+    priority: int,
+    left_out: str,
+    problem: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    change(
+        problem, "problem.yaml", "count: 3}]", f"count: 1}}, {{id: far, site: air, priority: {priority}}}]"
+    )
+    change(problem, "inventory.yaml", "links: [", "links: [{stream: far, site: van, bandwidth: {mbps: 5}}, ")
+    assert run(monkeypatch, problem, "--out", tmp_path / "out") == 0
+    change(problem, "inventory.yaml", "gigabytes: 4}, count: 2", "gigabytes: 1}, count: 1")
+    assert run(monkeypatch, problem, "--running", tmp_path / "out" / "plan.json") == 0
+    said = " ".join(capsys.readouterr().err.split())
+    assert f"stream {left_out} is not served: the machines are full with the 1 streams served" in said
+
+
 def test_a_problem_without_a_plan_names_the_limits_and_the_change_that_is_enough(
     problem: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

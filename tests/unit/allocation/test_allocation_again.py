@@ -196,19 +196,23 @@ def test_an_invalid_best_plan_is_not_handed_out(monkeypatch: pytest.MonkeyPatch)
         first_valid(of, running)
 
 
-def test_more_patterns_than_can_be_looked_at_keep_what_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("error", [NoPlanError("too many"), ValueError("GLOP ended with status 4")])
+def test_where_the_search_cannot_go_on_what_runs_does(
+    error: Exception, monkeypatch: pytest.MonkeyPatch
+) -> None:
     of = problem(2, 2)
     running = decomposed.solve(of, time_limit_s=10.0).assignments
 
     def refuse(*args: Any, **kwargs: Any) -> Any:
-        raise NoPlanError("too many")
+        raise error
 
     monkeypatch.setattr(again, "moved", refuse)
     found = plan_again(of, running, time_limit_s=10.0)
     assert served(found) == {"v0", "v1"}
     assert not found.proven
-    monkeypatch.setattr(again, "repaired", refuse)
-    assert served(plan_again(of, running, time_limit_s=10.0)) == set()
+    if isinstance(error, NoPlanError):
+        monkeypatch.setattr(again, "repaired", refuse)
+        assert served(plan_again(of, running, time_limit_s=10.0)) == set()
 
 
 def test_the_same_arguments_give_the_same_plan() -> None:
@@ -245,3 +249,8 @@ def test_what_is_given_up_to_move_less_is_no_more_than_the_loss() -> None:
         found = plan_again(after, running, loss=loss, time_limit_s=10.0)
         assert bool(found.ended) == moves
         assert found.proven
+
+
+def test_a_link_that_is_wider_than_whole_numbers_reach_is_no_limit() -> None:
+    for found in both(problem(1, 2, link_bps={("v0", "s"): 1e19}), (), {}):
+        assert {a.bitrate_bps for a in found.plan.assignments} == {4e6}
