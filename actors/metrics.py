@@ -90,26 +90,37 @@ def _frame_metrics(snapshot: Snapshot) -> Iterable[Metric]:
     flight = GaugeMetricFamily(
         "searchlight_frames_in_flight", "Frames sent and not yet answered", labels=["stream"]
     )
+    contradiction = GaugeMetricFamily(
+        "searchlight_frames_contradiction",
+        "Frames that the reducer has answered beyond those that the source has sent; 0 unless one of them is wrong",
+        labels=["stream"],
+    )
     for stream, source in snapshot.sources.items():
         outcomes = frame_outcomes(source, snapshot.reducer)
-        captured.add_metric([stream], sum(outcomes.values()))
+        captured.add_metric([stream], max(source.frames_done, source.sampled))
+        contradiction.add_metric([stream], outcomes.pop("contradiction"))
         flight.add_metric([stream], outcomes.pop("in_flight"))
         for outcome, count in outcomes.items():
             frames.add_metric([stream, outcome], count)
     yield captured
     yield frames
     yield flight
+    yield contradiction
 
 
 def frame_outcomes(source: SourceStatus, reducer: ReducerStatus | None) -> dict[str, int]:
-    """Frames of a stream so far by outcome; the sum is what was captured, at every moment."""
+    """Frames of a stream so far by outcome: the source's counts and the reducer's.
+
+    captured = all outcomes - contradiction, at every moment: the reducer is asked before the source, so what it has
+    answered, the source has sent. If not, one of them is wrong, and by how much is the contradiction.
+    """
     done = max(source.frames_done, source.sampled)
     outcomes = Counter({"not_sampled": done - source.sampled, **source.frames_dropped})
     if reducer is not None:
         outcomes["processed"] = reducer.frames.get(source.stream, 0)
         outcomes.update(reducer.frames_dropped.get(source.stream, {}))
-    # the reducer's snapshot is the newer one: it may have seen frames that the source's does not hold yet
-    outcomes["in_flight"] = max(0, done - sum(outcomes.values()))
+    in_flight = done - sum(outcomes.values())
+    outcomes["in_flight"], outcomes["contradiction"] = max(0, in_flight), max(0, -in_flight)
     return dict(outcomes)
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 import time
-from collections import Counter
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -87,7 +86,7 @@ class ReducerActor:
                 open_substreams=len(stage.open),
                 results={key: len(frames) for key, frames in stage.processed.items()},
                 detections=dict(stage.detections),
-                dropped={key: dict(Counter(frames.values())) for key, frames in stage.dropped.items()},
+                dropped={key: dict(+reasons) for key, reasons in stage.drops.items()},
                 frames={stream: len(stage.frames(stream)) for stream in streams},
                 frames_dropped={stream: stage.frames_dropped(stream) for stream in streams},
                 not_taken=stage.not_taken,

@@ -16,6 +16,7 @@ from actors.terminal import progress_bars, say
 from pipeline.allocation.plan import Plan
 from pipeline.errors import InputError
 from pipeline.logs import logged_run
+from pipeline.mission.disk_forecast import disk_forecast, require_room
 from pipeline.mission.durable_reducer import JournalParams
 from pipeline.mission.find_mission import find_mission
 from pipeline.mission.local import FinishedRun, run_local
@@ -112,6 +113,9 @@ class _Begun:
         """The journal for a plan."""
         if self._journal is None:
             pace = "local" if self._request.local else self._request.pace
+            forecast = disk_forecast(self._prepared, plan, self._params)
+            require_room(forecast, self._out)
+            say(forecast.sentence)
             record = new_record(self._prepared, plan, pace)
             self._journal = begin_journal(self._out, record, self._params)
         return self._journal

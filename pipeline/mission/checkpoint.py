@@ -140,6 +140,7 @@ def _restore_accounts(stage: ReducerStage, state: dict[str, Any]) -> None:
     stage.received = {key: set(frames) for key, frames in state["received"]}
     stage.processed = {key: set(frames) for key, frames in state["processed"]}
     stage.dropped = {key: dict(frames) for key, frames in state["dropped"]}
+    stage.count_again()
     stage.detections = Counter(dict(state["detections"]))
     stage.hops = {
         key: {hop: HopHistogram(list(counts), sum_s) for hop, counts, sum_s in hops}

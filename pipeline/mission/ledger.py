@@ -5,15 +5,20 @@ from __future__ import annotations
 from collections import Counter
 
 from pipeline.allocation.plan import Plan
+from pipeline.ingest.finding import Finding
 from pipeline.mission.stages.reducer import HOPS, HopHistogram, ReducerStage
-from pipeline.mission.stages.source import SourceCount
+from pipeline.mission.stages.source import LINK_LOST, SourceCount
 from pipeline.outputs.accounting import StreamAccount
 from pipeline.outputs.summary import MeanHops, SubstreamCount
+
+#: what became of a frame whose end nobody knows: where it was seen last
+_AFTER_SOURCE = "lost_last_seen_at_source"
+_AT_REDUCER = "not_applied_last_seen_at_reducer"
 
 
 def stream_account(stream: str, count: SourceCount, reducer: ReducerStage) -> StreamAccount:
     """Every frame of the video once: processed, or dropped with a reason."""
-    processed = reducer.frames(stream)
+    processed = reducer.frames(stream) & count.due.keys()
     dropped = Counter(
         _reason(index, due, stream, count, reducer)
         for index, due in count.due.items()
@@ -48,7 +53,7 @@ def _substream(
     stream: str, detector: str, machine: str, site: str, count: SourceCount, reducer: ReducerStage
 ) -> SubstreamCount:
     offered = [index for index, due in count.due.items() if detector in due]
-    processed = reducer.processed[stream, detector]
+    processed = reducer.processed[stream, detector].intersection(offered)
     dropped = Counter(
         _fate(index, stream, detector, count, reducer) for index in offered if index not in processed
     )
@@ -76,7 +81,26 @@ def _fate(index: int, stream: str, detector: str, count: SourceCount, reducer: R
         return count.dropped[index, detector]
     if index in reducer.dropped[stream, detector]:
         return reducer.dropped[stream, detector][index]
-    return "result_late" if index in reducer.received[stream, detector] else "result_lost"
+    return _AT_REDUCER if index in reducer.received[stream, detector] else _AFTER_SOURCE
+
+
+def contradictions(stream: str, count: SourceCount, reducer: ReducerStage) -> list[Finding]:
+    """Where the two ends do not agree: the source counts what it sent, the reducer what it was sent.
+
+    A frame whose connection broke may have arrived: the source says so, and the reducer knows.
+    """
+    found = []
+    for (name, detector), frames in sorted(reducer.received.items()):
+        if name != stream:
+            continue
+        heard = frames | reducer.dropped[name, detector].keys()
+        never = [i for i in heard if detector not in count.due.get(i, ())]
+        not_sent = [i for i in heard if count.dropped.get((i, detector), LINK_LOST) != LINK_LOST]
+        for what, indices in (("was never to be sent", never), ("the source did not send", not_sent)):
+            if indices:
+                text = f"{len(indices)} frames came from {detector} that {what}, the first is number {min(indices)}"
+                found.append(Finding("warning", "ledger_contradiction", f"stream {stream}", text))
+    return found
 
 
 def _mean(histogram: HopHistogram) -> float | None:

@@ -19,7 +19,7 @@ from pipeline.ingest.finding import Finding
 from pipeline.logs import LOG_FILE, Log, keep_log
 from pipeline.messages import FloatArray
 from pipeline.mission.found_place_crops import found_place_crops
-from pipeline.mission.ledger import stream_account, substream_counts
+from pipeline.mission.ledger import contradictions, stream_account, substream_counts
 from pipeline.mission.local import FinishedRun
 from pipeline.mission.onto import STATE_FILE
 from pipeline.mission.people_in_networks import check_networks
@@ -127,6 +127,7 @@ def _summary(
         findings=(
             *prepared.findings,
             *run.findings,
+            *(f for s, count in run.counts.items() for f in contradictions(s, count, run.reducer)),
             *check_networks(prepared, run.plan),
             *_of_box_sizes(prepared, run),
         ),

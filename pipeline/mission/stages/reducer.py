@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import bisect
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
@@ -11,6 +11,7 @@ from pipeline.fusion.fuser import Fuser
 from pipeline.fusion.sequencer import Sequencer
 from pipeline.logs import Log
 from pipeline.messages import Detections, Dropped, EndOfStream, Message
+from pipeline.mission.stages.frame_tally import FrameTally
 
 HOPS = ("encode", "transfer", "decode", "detect")
 #: upper bounds of the latency histogram, seconds
@@ -35,7 +36,7 @@ class HopHistogram:
 
 class ReducerStage:
     """Owns the map. received, processed, dropped: frame indices per (stream, detector). begun_with: substreams that it
-    was made for; others may be opened.
+    was made for; others may be opened. drops: how many of ``dropped``, by reason. tallies: frames by stream, each once.
     """
 
     def __init__(self, fuser: Fuser, sequencer: Sequencer, substreams: Iterable[tuple[str, str]]) -> None:
@@ -43,6 +44,8 @@ class ReducerStage:
         self.received: dict[tuple[str, str], set[int]] = {}
         self.processed: dict[tuple[str, str], set[int]] = {}
         self.dropped: dict[tuple[str, str], dict[int, str]] = {}
+        self.drops: dict[tuple[str, str], Counter[str]] = {}
+        self.tallies: defaultdict[str, FrameTally] = defaultdict(FrameTally)
         self.detections: Counter[tuple[str, str]] = Counter()
         self.hops: dict[tuple[str, str], dict[str, HopHistogram]] = {}
         self.sequencer = sequencer
@@ -71,12 +74,13 @@ class ReducerStage:
         self.received.setdefault(key, set())
         self.processed.setdefault(key, set())
         self.dropped.setdefault(key, {})
+        self.drops.setdefault(key, Counter())
         self.hops.setdefault(key, {hop: HopHistogram() for hop in HOPS})
 
     def push(self, message: Message) -> None:
         """Take one message of any substream."""
         if isinstance(message, Dropped):
-            self.dropped[message.stream, message.detector][message.index] = message.reason
+            self._drop(message)
         if isinstance(message, Detections):
             self.received[message.stream, message.detector].add(message.index)
         if isinstance(message, Detections | Dropped | EndOfStream):
@@ -103,20 +107,37 @@ class ReducerStage:
 
     def frames(self, stream: str) -> set[int]:
         """Indices of the frames of a stream that at least one detector has looked at."""
-        return set().union(*(frames for key, frames in self.processed.items() if key[0] == stream))
+        return self.tallies[stream].looked
 
     def frames_dropped(self, stream: str) -> dict[str, int]:
         """Frames of a stream that reached a machine but that nobody looked at, by reason."""
-        seen = self.frames(stream)
-        reasons = {
-            i: why for key, frames in self.dropped.items() if key[0] == stream for i, why in frames.items()
-        }
-        return dict(Counter(why for index, why in reasons.items() if index not in seen))
+        return dict(+self.tallies[stream].reasons)
+
+    def count_again(self) -> None:
+        """Of what ``processed`` and ``dropped`` say, after somebody has put other accounts there."""
+        self.tallies.clear()
+        self.drops = {key: Counter(frames.values()) for key, frames in self.dropped.items()}
+        for (stream, _), dropped in self.dropped.items():
+            for index, reason in dropped.items():
+                self.tallies[stream].drop(index, reason)
+        for (stream, _), frames in self.processed.items():
+            for index in frames:
+                self.tallies[stream].look(index)
+
+    def _drop(self, message: Dropped) -> None:
+        key = message.stream, message.detector
+        former = self.dropped[key].get(message.index)
+        if former is not None:
+            self.drops[key][former] -= 1
+        self.dropped[key][message.index] = message.reason
+        self.drops[key][message.reason] += 1
+        self.tallies[message.stream].drop(message.index, message.reason)
 
     def _apply(self, results: Iterable[Detections]) -> None:
         for result in results:
             self.fuser.apply(result)
             self.processed[result.stream, result.detector].add(result.index)
+            self.tallies[result.stream].look(result.index)
             self.detections[result.stream, result.detector] += len(result.scores)
             for hop in HOPS:
                 self.hops[result.stream, result.detector][hop].observe(getattr(result.hops, f"{hop}_s"))

@@ -36,6 +36,10 @@ class SourceParams:
             raise ValueError(f"{self}; expected times above 0")
 
 
+#: why a frame was dropped that may have arrived all the same
+LINK_LOST = "link_lost"
+
+
 @dataclass(frozen=True, eq=False)
 class StreamInput:
     """All that the source of one stream needs."""
@@ -240,7 +244,7 @@ class SourceStage:
     def _hear(self) -> None:
         """What the link knows of what was sent before."""
         for packet in self._link.take_lost():
-            self.count.lose_sent(packet.index, packet.detector, "link_lost")
+            self.count.lose_sent(packet.index, packet.detector, LINK_LOST)
         restarts = self._link.take_restarts()
         for opened in self._epoch.substreams:
             if opened.assignment.detector in restarts:
