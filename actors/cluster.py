@@ -18,10 +18,13 @@ from actors.signals import end_children, retake_signals
 from actors.site import all_sites, require_sites
 from pipeline.errors import InputError, RunFailedError
 from pipeline.leftovers import swept
+from pipeline.logs import FOLDER_VARIABLE
 from pipeline.mission.stopping import Stop
 
 #: Ray takes 1 to 3 s to end, on a busy machine more; whatever is left of a run's time, it gets the least
 _LEAST_S, _MOST_S = 3.0, 30.0
+#: of each file of Ray's that is kept after a failure
+_TAIL_BYTES = 64 * 1024
 
 
 @contextmanager
@@ -38,7 +41,13 @@ def cluster(address: str | None, sites: Iterable[str], stop: Stop | None = None)
     import ray
 
     try:
-        ray.init(address=address, log_to_driver=False, logging_level=logging.ERROR, namespace="searchlight")
+        ray.init(
+            address=address,
+            log_to_driver=False,
+            logging_level=logging.ERROR,
+            namespace="searchlight",
+            runtime_env={"env_vars": _variables()},
+        )
     except (ConnectionError, ValueError, RuntimeError) as error:
         raise InputError(
             "--address", f"{address} ({str(error).splitlines()[0]})", "the address of a running Ray cluster"
@@ -84,7 +93,14 @@ def _local(sites: tuple[str, ...], stop: Stop) -> Iterator[str]:
             yield "127.0.0.1"
     finally:
         _shut_down(stop)
+        if (stop.reason or "").startswith("failed"):
+            _keep_what_ray_says(Path(folder))
         shutil.rmtree(folder, ignore_errors=True)
+
+
+def _variables() -> dict[str, str]:
+    """What workers on a cluster that others have started must know of us."""
+    return {name: os.environ[name] for name in (FOLDER_VARIABLE,) if name in os.environ}
 
 
 def _init(**arguments: Any) -> None:
@@ -99,6 +115,17 @@ def _init(**arguments: Any) -> None:
         if former is not None:
             signal.signal(signal.SIGHUP, former)
         retake_signals()
+
+
+def _keep_what_ray_says(folder: Path) -> None:
+    """After a failure: the end of what Ray's processes and the actors wrote on standard error, beside their logs."""
+    logs = Path(os.environ.get(FOLDER_VARIABLE, os.devnull))
+    for path in folder.glob("session_latest/logs/*.err"):
+        data = path.read_bytes()[-_TAIL_BYTES:]
+        # lines that begin with a colon are for Ray's own reader of logs
+        said = any(line.strip() and not line.startswith(b":") for line in data.splitlines())
+        if said and logs.is_dir():
+            (logs / f"ray-{path.name}").write_bytes(data)
 
 
 def _shut_down(stop: Stop) -> None:

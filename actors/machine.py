@@ -13,6 +13,7 @@ from pipeline.errors import InputError, RunFailedError, SearchlightError, failur
 from pipeline.link.codec import Codec
 from pipeline.link.receiver import Receiver
 from pipeline.link.sender import LinkSender, LinkState
+from pipeline.logs import log_of_actor
 from pipeline.messages import Message
 from pipeline.mission.controller.orders import Run
 from pipeline.mission.controller.substreams import Opened
@@ -57,6 +58,7 @@ class MachineActor:
     def __init__(
         self, machine: str, host: str, token: bytes, codec: Codec, params: MachineParams | None = None
     ) -> None:
+        log_of_actor(f"machine-{machine}")
         self._machine, self._host, self._token, self._codec = machine, host, token, codec
         self._params, self._clock = params or MachineParams(), Clock()
         self._stage: MachineStage | None = None

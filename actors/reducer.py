@@ -12,6 +12,7 @@ from pipeline.allocation.plan import Plan
 from pipeline.errors import SearchlightError, failure
 from pipeline.ingest.finding import Finding
 from pipeline.link.receiver import Receiver
+from pipeline.logs import Log, log_of_actor
 from pipeline.messages import Detections, Message
 from pipeline.mission.durable_reducer import Acknowledgement
 from pipeline.mission.local import make_reducer
@@ -19,6 +20,7 @@ from pipeline.mission.prepared import PreparedMission
 from pipeline.mission.run_journal import RunJournal, journal_findings
 from pipeline.mission.stages.reducer import HopHistogram, ReducerStage
 
+_LOG = Log("actors")
 Address = tuple[str, int]
 
 
@@ -59,6 +61,7 @@ class ReducerActor:
         journal: RunJournal,
     ) -> None:
         """journal: on a disk of the node that the actor is on; what it holds is where the reducer begins."""
+        log_of_actor("reducer")
         _warm_up(prepared, plan)
         self._stage = make_reducer(prepared, plan, lateness=realtime)
         self._durable = journal.reducer(self._stage, time.monotonic())
@@ -116,6 +119,7 @@ class ReducerActor:
                     self._changed.notify_all()
         except Exception as error:
             self._error = failure(error)
+            _LOG.warning("a result could not be taken", error=str(self._error))
             raise
 
     def _keep(self) -> None:

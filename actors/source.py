@@ -12,6 +12,7 @@ from pipeline.allocation.plan import Assignment
 from pipeline.clock import Clock
 from pipeline.errors import RunFailedError, SearchlightError, failure
 from pipeline.link.sender import LinkSender, LinkState
+from pipeline.logs import Log, log_of_actor
 from pipeline.messages import Message
 from pipeline.mission.durable_reducer import Acknowledgement
 from pipeline.mission.missing import WhatIsMissing
@@ -19,6 +20,7 @@ from pipeline.mission.stages.radio_link import RadioLink, RadioParams
 from pipeline.mission.stages.source import SourceCount, SourceParams, SourceStage, StreamInput
 from pipeline.mission.stages.virtual_link import VirtualLink, unlimited
 
+_LOG = Log("actors")
 Pace = Literal["realtime", "max"]
 Address = tuple[str, int]
 
@@ -69,6 +71,7 @@ class SourceActor:
         self._assignments = tuple(a for a in assignments if a.stream == stream.stream)
         self._bandwidth = bandwidth_bps
         self._token = token
+        log_of_actor(f"source-{stream.stream}")
         self._finished = False
         self._error: SearchlightError | None = None
         self._stage: SourceStage | None = None
@@ -132,6 +135,7 @@ class SourceActor:
             self._cut_off = self._finished = True
         except Exception as error:
             self._error = failure(error)
+            _LOG.warning("source failed", stream=self._stream.stream, error=str(self._error))
 
     def _run_realtime(self, addresses: Mapping[str, Address], start_time_s: float) -> None:
         link = RadioLink(self._stream.stream, self._bandwidth, self._token, self._radio, self._clock)

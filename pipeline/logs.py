@@ -2,14 +2,17 @@
 
 Every line is one JSON object: ``time`` (ISO 8601, UTC), ``room``, ``level``, ``event`` and the event's own fields. A
 room logs a change of its state, with what it was changed by; it never logs and goes on where it should raise. Actors
-in other processes have loggers of their own, which nobody listens to: what becomes of them their supervisor logs.
+in other processes log to files of their own in the folder that the environment names, see ``log_of_actor``.
 """
 
 from __future__ import annotations
 
+import faulthandler
 import glob
 import json
 import logging
+import os
+import re
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -20,6 +23,10 @@ from uuid import uuid4
 from pipeline.errors import InputError, StoppedError
 from pipeline.leftovers import swept
 
+#: set by a run on Ray for the processes that it starts: the folder for their logs
+FOLDER_VARIABLE = "SEARCHLIGHT_ACTOR_LOGS"
+#: that folder, within a run directory
+ACTOR_LOGS = "logs"
 #: the file of a run directory that holds the log of its run
 LOG_FILE = "run.log"
 _ROOT = logging.getLogger("searchlight")
@@ -91,6 +98,23 @@ def logged_run(out: Path) -> Iterator[None]:
         _ROOT.removeHandler(handler)
         handler.close()
         temporary.unlink(missing_ok=True)
+
+
+def log_of_actor(name: str) -> None:
+    """Let this process, an actor of a run, log to its own file, ``NAME.log``, in the run directory.
+
+    Nothing, where no folder is named, or it is not there: on another node than the run's. Also written there: the stack
+    of a process that a library ends.
+    """
+    folder = Path(os.environ.get(FOLDER_VARIABLE, ""))
+    if FOLDER_VARIABLE not in os.environ or not folder.is_dir():
+        return
+    handler = logging.FileHandler(folder / f"{re.sub(r'[^A-Za-z0-9._-]', '-', name)}.log", encoding="utf-8")
+    handler.setFormatter(_JsonLines())
+    _ROOT.addHandler(handler)
+    if handler.stream is not None:
+        faulthandler.enable(handler.stream)
+    Log("actors").event("actor begins", actor=name, process=os.getpid())
 
 
 def _take_over(log: Path, out: Path) -> None:

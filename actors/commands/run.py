@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 import signal
 from collections.abc import Callable
 from contextlib import suppress
@@ -15,7 +17,7 @@ from actors.source import Pace
 from actors.terminal import progress_bars, say
 from pipeline.allocation.plan import Plan
 from pipeline.errors import InputError
-from pipeline.logs import logged_run
+from pipeline.logs import ACTOR_LOGS, FOLDER_VARIABLE, logged_run
 from pipeline.mission.disk_forecast import disk_forecast, require_room
 from pipeline.mission.durable_reducer import JournalParams
 from pipeline.mission.find_mission import find_mission
@@ -38,6 +40,7 @@ from pipeline.mission.run_journal import (
 from pipeline.mission.stopping import Stop
 from pipeline.outputs.summary import Summary
 from pipeline.storage.claim import claimed
+from pipeline.storage.whole_or_nothing import make_folder
 
 
 @dataclass(frozen=True)
@@ -70,7 +73,7 @@ def run_mission(request: RunRequest) -> int:
         prepared = noticed(prepare(mission, earlier))
         begun = _Begun(request, prepared, out, record)
         try:
-            finished = _run(request, prepared, begun, record, stop)
+            finished = _run(request, prepared, begun, record, stop, out)
         except BaseException:
             begun.forget()
             raise
@@ -106,6 +109,7 @@ class _Begun:
         self._params = JournalParams(checkpoint_s=request.checkpoint_every)
         self._journal: RunJournal | None = None
         self._was_there = out.exists()
+        self._pace = request.pace if record is None else record.pace
         if record is not None:
             self._journal = resume_journal(out, record, prepared, self._params)
 
@@ -118,6 +122,9 @@ class _Begun:
             say(forecast.sentence)
             record = new_record(self._prepared, plan, pace)
             self._journal = begin_journal(self._out, record, self._params)
+            shutil.rmtree(self._out / ACTOR_LOGS, ignore_errors=True)
+        if not (self._request.local or self._pace == "local"):
+            make_folder(self._out / ACTOR_LOGS)
         return self._journal
 
     def forget(self) -> None:
@@ -125,6 +132,7 @@ class _Begun:
         if self._record is None and self._journal is not None:
             self._journal.discard()
             if not self._was_there:
+                shutil.rmtree(self._out / ACTOR_LOGS, ignore_errors=True)
                 with suppress(OSError):  # logs, or what somebody has put there
                     self._out.rmdir()
 
@@ -143,13 +151,16 @@ def _run(
     begin: Callable[[Plan], RunJournal],
     record: RunRecord | None,
     stop: Stop,
+    out: Path,
 ) -> FinishedRun:
-    plan = None if record is None else resumed_plan(request.resume or Path(), record)
+    plan = None if record is None else resumed_plan(out, record)
     with progress_bars("frames") as progress:
         if request.local or (record is not None and record.pace == "local"):
             plan = plan or plan_mission(prepared)
             return run_local(prepared, plan, progress, begin(plan), stop)
-        options = RunOptions(request.pace, request.address, request.metrics_port, request.metrics_host)
+        os.environ[FOLDER_VARIABLE] = str(out.absolute() / ACTOR_LOGS)
+        pace = request.pace if record is None else "max"  # no other can go on
+        options = RunOptions(pace, request.address, request.metrics_port, request.metrics_host)
         return run_on_ray(prepared, options, progress, say, begin, stop, plan)
 
 

@@ -99,6 +99,11 @@ def test_what_an_actor_that_dies_leaves_is_published_and_it_can_go_on(
     assert says in said
     require_partial(out, text, said)
     assert in_session(process) == []
+    logs = {path.name for path in (out / "logs").iterdir()}
+    assert {"reducer.log", "source-drone-1.log", "source-drone-2.log"} <= logs
+    assert any(name.startswith("machine-") for name in logs)
+    begun = json.loads((out / "logs/reducer.log").read_text().splitlines()[0])
+    assert (begun["event"], begun["actor"]) == ("actor begins", "reducer")
     assert any(stream["processed"] for stream in json.loads((out / "summary.json").read_text())["streams"])
     require_resumed(out, whole)
 

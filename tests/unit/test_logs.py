@@ -1,13 +1,15 @@
 """The log of a run: quiet by default, one JSON object a line, in the run directory, or beside it after a failure."""
 
+import faulthandler
 import json
 import logging
+import sys
 from pathlib import Path
 
 import pytest
 
 from pipeline.errors import InputError
-from pipeline.logs import LOG_FILE, Log, keep_log, logged_run
+from pipeline.logs import FOLDER_VARIABLE, LOG_FILE, Log, keep_log, log_of_actor, logged_run
 
 
 def lines(path: Path) -> list[dict[str, object]]:
@@ -74,3 +76,26 @@ def test_input_that_is_refused_leaves_no_log(tmp_path):
     with pytest.raises(InputError), logged_run(tmp_path / "run"):
         raise InputError("mission.yaml", "nothing", "a mission")
     assert not list(tmp_path.iterdir())
+
+
+def test_an_actor_logs_where_the_environment_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    root = logging.getLogger("searchlight")
+    before = list(root.handlers)
+    try:
+        for folder in (None, tmp_path / "absent"):
+            monkeypatch.delenv(FOLDER_VARIABLE, raising=False)
+            if folder is not None:
+                monkeypatch.setenv(FOLDER_VARIABLE, str(folder))
+            log_of_actor("source-a")
+            assert root.handlers == before
+        monkeypatch.setenv(FOLDER_VARIABLE, str(tmp_path))
+        log_of_actor("source-a/../../b c")
+        Log("actors").warning("failed", error="no more")
+    finally:
+        faulthandler.enable(sys.__stderr__ or sys.stderr)  # not into a file that is closed now
+        for handler in root.handlers[len(before) :]:
+            root.removeHandler(handler)
+            handler.close()
+    (path,) = tmp_path.iterdir()
+    assert path.name == "source-a-..-..-b-c.log"
+    assert [json.loads(line)["event"] for line in path.read_text().splitlines()] == ["actor begins", "failed"]
