@@ -7,7 +7,7 @@ import re
 
 from pipeline.ingest.tables.cells import degrees
 
-NUMBER = r"[-+\u2212]?(?:\d+(?:[.,]\d+)?\.?|\.\d+)(?:[eE][-+]?\d+)?"
+NUMBER = r"[-+\u2212]?(?:\d+(?:[.,]\d+|\.)?|\.\d+)(?:[eE][-+]?\d+)?"
 #: a foot, metres
 FOOT_M = 0.3048
 _WITH_UNIT = re.compile(rf"([NSEWnsew])?\s*({NUMBER})\s*(mm|m|ft|feet|°|deg)?\s*([NSEWnsew])?", re.IGNORECASE)

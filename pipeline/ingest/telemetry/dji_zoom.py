@@ -10,6 +10,8 @@ from collections.abc import Sequence
 _CHANGE = math.log(1.01)
 #: no drone's lens is wider, millimetres of equivalent focal length (Avata 2: 12 mm)
 _WIDEST_MM = 12.0
+#: beyond these a value is damaged: millimetres, and times
+_FOCAL_MM, _ZOOM = (1.0, 1e5), (0.1, 1e3)
 
 
 def merge_zoom(fields: Sequence[dict[str, float]]) -> list[str]:
@@ -17,7 +19,7 @@ def merge_zoom(fields: Sequence[dict[str, float]]) -> list[str]:
 
     Without focal lengths the zoom stays in ``digital_zoom``: 1 is the whole picture.
     """
-    zooms = [f.get("digital_zoom", 1.0) for f in fields]
+    zooms = [_zoom(f.get("digital_zoom", 1.0)) for f in fields]
     focal_mm = [f.get("focal_length_35mm", math.nan) for f in fields]
     holds, said = True, []
     if not all(abs(zoom - 1.0) < 0.01 for zoom in zooms):
@@ -35,7 +37,7 @@ def merge_zoom(fields: Sequence[dict[str, float]]) -> list[str]:
 def _holds_zoom(focal_mm: Sequence[float], zooms: Sequence[float]) -> tuple[bool, str]:
     """By how the focal length follows the zoom where that changes, else by how wide a lens that would be."""
     votes = []
-    known = [(f, z) for f, z in zip(focal_mm, zooms, strict=True) if f > 0.0 and z > 0.0]
+    known = [(f, z) for f, z in zip(focal_mm, zooms, strict=True) if _can_be(f, z)]
     for (f, z), (next_f, next_z) in itertools.pairwise(known):
         zoomed = math.log(next_z / z)
         if abs(zoomed) > _CHANGE:
@@ -51,3 +53,12 @@ def _holds_zoom(focal_mm: Sequence[float], zooms: Sequence[float]) -> tuple[bool
             f"{widest:.0f} mm"
         )
     return True, f"the focal length holds the digital zoom of {max(zooms):g} that the file has throughout"
+
+
+def _can_be(focal_mm: float, zoom: float) -> bool:
+    return _FOCAL_MM[0] <= focal_mm <= _FOCAL_MM[1] and _ZOOM[0] <= zoom <= _ZOOM[1]
+
+
+def _zoom(written: float) -> float:
+    """A damaged one counts as none: the position beside it is still good."""
+    return written if _ZOOM[0] <= written <= _ZOOM[1] else 1.0

@@ -102,6 +102,13 @@ def test_values_in_brackets_are_read_in_every_way_to_write_them(name: str) -> No
         assert (fields["pitch"], fields["roll"], fields["yaw"]) == (-45.0, 0.5, 90.0)
 
 
+@pytest.mark.parametrize("odd", ["1.1.", "1..1", "-", "1,1.1", "+-3", ".", "1e", "1.e5.", "\u22121.5.2"])
+def test_what_is_nearly_a_number_is_none_or_nan(odd: str) -> None:
+    for text in (f"H {odd}m", f"GPS({odd}, 48.4, 15)", f"G.PRY ({odd}, 0, 90)", f"[rel_alt: {odd}]", f"DZOOM {odd},"):
+        fields, _ = fields_of(text)
+        assert all(np.isnan(v) or abs(v) < 1e6 for v in fields.values()), text
+
+
 def test_a_minus_beside_west_says_west_again() -> None:
     fields, _ = fields_of("GPS(W: -9.1, N: 48.9, 350.1m)")
     assert (fields["latitude"], fields["longitude"]) == (48.9, -9.1)
@@ -206,6 +213,16 @@ def test_a_digital_zoom_counts_once(
     assert track.digital_zoom is None
     assert len(track.assumed) == (0 if said is None else 1)
     assert said is None or said in track.assumed[0]
+
+
+@pytest.mark.parametrize("wrong", ["1e-323", "9" * 300, "-2.0", "0", "nan"])
+def test_zooms_and_focal_lengths_that_cannot_be_tell_nothing(tmp_path: Path, wrong: str) -> None:
+    usual = "[focal_len: 24.00] [dzoom_ratio: 1.0]"
+    for odd in (usual.replace("24.00", wrong), usual.replace("1.0", wrong)):
+        track = zoomed(tmp_path, usual, odd, usual.replace("1.0", "2.0"), usual)
+        assert track.focal_length_35mm is not None
+        assert track.focal_length_35mm[[0, -1]].tolist() == [24.0, 24.0]
+        assert 48.0 in track.focal_length_35mm.tolist()
 
 
 @pytest.mark.parametrize("form", ["[dzoom_ratio: {}]", "DZOOM {},", "[dzoom: {}]"])
