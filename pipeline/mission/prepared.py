@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -37,7 +38,7 @@ from pipeline.mission.clocks import settled
 from pipeline.mission.detectors import layers_of, look_at_detectors
 from pipeline.mission.faults import Faults
 from pipeline.mission.onto import EarlierRun, joined, require_continues, require_fits
-from pipeline.mission.recording import Recording, read_recording
+from pipeline.mission.recording import Recording, open_source, read_recording
 from pipeline.mission.sent_size import as_sent
 from pipeline.mission.simulated_only import simulated_only
 from pipeline.mission.stages.source import StreamInput
@@ -190,10 +191,7 @@ def read_filmed(path: Path, mission: Mission, faults: Faults, onto: EarlierRun |
 
     onto: a run whose map is to hold it: in its frame, on a terrain that holds both.
     """
-    recordings = []
-    for stream in mission.streams:
-        with faults.collected():
-            recordings.append(read_recording(path, mission, stream))
+    recordings = _recordings(path, mission, faults)
     tracks = [r.track for r in recordings]
     with faults.collected():
         _require_axes(mission, recordings)  # before ground is looked for between them
@@ -218,6 +216,17 @@ def read_filmed(path: Path, mission: Mission, faults: Faults, onto: EarlierRun |
     left_out = {r.stream.id: dict(r.track.left_out) for r in recordings if r.track.left_out}
     by_stream = {r.stream.id: r.track for r in recordings}
     return Filmed(mission, terrain, cameras, streams, tuple(findings), left_out, by_stream, ground.heights)
+
+
+def _recordings(path: Path, mission: Mission, faults: Faults) -> list[Recording]:
+    """Of all streams. The next video is opened and probed, outside of Python, while telemetry is read."""
+    recordings = []
+    with ThreadPoolExecutor(1) as pool:
+        opening = [pool.submit(open_source, mission, stream) for stream in mission.streams]
+        for stream, opened in zip(mission.streams, opening, strict=True):
+            with faults.collected():
+                recordings.append(read_recording(path, mission, stream, opened.result))
+    return recordings
 
 
 def _require_axes(mission: Mission, recordings: list[Recording]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -76,11 +77,20 @@ class Recording:
         return found
 
 
-def read_recording(path: Path, mission: Mission, stream: Stream) -> Recording:
-    """Read the files of a stream. path: of the mission. Raises InputError with every independent fault."""
+#: the pictures, and the camera that stills say they are of
+Opened = tuple[Recordings | StillsSource, Camera | None]
+
+
+def read_recording(
+    path: Path, mission: Mission, stream: Stream, opened: Callable[[], Opened] | None = None
+) -> Recording:
+    """Read the files of a stream. path: of the mission. opened: gives its pictures, if somebody opens them already.
+
+    Raises InputError with every independent fault.
+    """
     faults = Faults()
     with faults.collected():
-        video, calibrated = _source(mission, stream)
+        video, calibrated = open_source(mission, stream) if opened is None else opened()
         if video.info.constant:
             where = f"{path} processing.frame_rate"
             require_rate(mission.processing.frame_rate, video.info.frame_rate, where)
@@ -120,8 +130,8 @@ def _facts(
     return picture_facts(f"{path} streams.{stream.id}", size, stream.videos, track, calibrated)
 
 
-def _source(mission: Mission, stream: Stream) -> tuple[Recordings | StillsSource, Camera | None]:
-    """The pictures, and the camera that stills say they are of."""
+def open_source(mission: Mission, stream: Stream) -> Opened:
+    """The pictures of a stream. Raises InputError if they cannot be used."""
     if stream.stills is None:
         return open_recordings(stream.videos, stream.start, stream.end, _threads(mission)), None
     stills, _ = dated_stills(stream.stills)

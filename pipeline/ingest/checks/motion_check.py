@@ -193,7 +193,8 @@ def _tells_focal_length(own: Predictor, params: MotionCheckParams) -> bool:
     """Whether the flight moves the ground through the pictures otherwise with another focal length."""
     longer, usual = (own.displacement_px(Assumption(focal_scale=scale)) for scale in (1.15, 1.0))
     sd_px = deviations_px(own.motion.displacement_px, own.focal_px, params)
-    changes = burst_misfits(longer, usual, own.motion.burst, sd_px)
+    with np.errstate(invalid="ignore"):  # where both see no ground
+        changes = burst_misfits(longer, usual, own.motion.burst, sd_px)
     known = changes[~np.isnan(changes)]
     return bool(len(known)) and float(known.mean()) >= params.least_focal_motion
 

@@ -104,7 +104,13 @@ def test_values_in_brackets_are_read_in_every_way_to_write_them(name: str) -> No
 
 @pytest.mark.parametrize("odd", ["1.1.", "1..1", "-", "1,1.1", "+-3", ".", "1e", "1.e5.", "\u22121.5.2"])
 def test_what_is_nearly_a_number_is_none_or_nan(odd: str) -> None:
-    for text in (f"H {odd}m", f"GPS({odd}, 48.4, 15)", f"G.PRY ({odd}, 0, 90)", f"[rel_alt: {odd}]", f"DZOOM {odd},"):
+    for text in (
+        f"H {odd}m",
+        f"GPS({odd}, 48.4, 15)",
+        f"G.PRY ({odd}, 0, 90)",
+        f"[rel_alt: {odd}]",
+        f"DZOOM {odd},",
+    ):
         fields, _ = fields_of(text)
         assert all(np.isnan(v) or abs(v) < 1e6 for v in fields.values()), text
 
