@@ -47,7 +47,7 @@ from pipeline.simulation.srt_writer import dji_srt
 
 ROOT = Path(__file__).resolve().parents[2]
 DEVELOPMENT_SEEDS, JUDGING_SEEDS = (2001, 2002, 2003, 2004), (3001, 3002, 3003, 3004)
-RUN_SEEDS = (4001, 4002)
+RUN_SEEDS = (4001, 4002, 4003)
 SECONDS, RATE_HZ, HEIGHT_M = 12, 10, 20.0
 HOVER = {"east": {"meters": 0}, "north": {"meters": -8}, "heading": {"degrees": 0}}
 #: what is changed in the small scenario: flights of each pattern
