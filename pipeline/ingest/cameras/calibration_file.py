@@ -64,7 +64,9 @@ def _text(path: Path) -> str:
 
 
 def _looks_foreign(text: str) -> bool:
-    keys = {_plain(key) for key in re.findall(r"^[ \t]*\"?([A-Za-z_]+)\"?[ \t]*:", text, re.MULTILINE)}
+    keys = {
+        _plain(key) for key in re.findall(r"(?:^|[{,])[ \t]*\"?([A-Za-z_]+)\"?[ \t]*:", text, re.MULTILINE)
+    }
     return bool(keys & {*_MATRIX, *_COEFFICIENTS[:-1]})
 
 

@@ -33,6 +33,10 @@ _CROP, _CROP_SD = 1.03, 0.05
 _SAME_SHAPE = 0.01
 #: what rounding to whole pixels does to an aspect ratio
 _SAME_ASPECT = 0.005
+#: focal lengths over the width of the picture: of 150 degrees, and of 1 degree (zoom cameras reach 2000 mm equivalent)
+_LEAST_FOCAL, _MOST_FOCAL = 0.134, 56.0
+#: pixels that are not square (1.33 in some videos), and how far a sensor's middle may be from the picture's, as shares
+_MOST_OBLONG, _FARTHEST_CENTER = 1.5, 0.3
 WAYS_TO_SAY_IT = (
     "camera: FILE (a calibration), or camera: {field_of_view: {degrees: X, of: diagonal}} or "
     "{equivalent_focal_length: {millimeters: X}}"
@@ -72,8 +76,30 @@ def choose_camera(source: CameraSource, pictures: PictureFacts) -> ChosenCamera:
     chosen = _chosen(source, pictures)
     if source.focal_length is not None:
         chosen = replace(chosen, focal_length_35mm=source.focal_length)
+    require_plausible(chosen.camera, pictures.where)
     require_invertible(chosen.camera, pictures.where)
     return chosen
+
+
+def require_plausible(camera: Camera, where: object) -> None:
+    """Raises InputError for a camera that no drone has: a focal length in millimetres or shares, a centre elsewhere."""
+    across = camera.fx / camera.width
+    if not _LEAST_FOCAL <= across <= _MOST_FOCAL:
+        degrees = 2.0 * math.degrees(math.atan(0.5 / across))
+        found = (
+            f"a focal length of {camera.fx:g} pixels for a picture {camera.width} wide: {degrees:.3g} degrees"
+        )
+        expected = "pixels, not millimetres or shares of the width"
+        raise InputError(f"{where} camera focal length", found, expected)
+    if not 1.0 / _MOST_OBLONG <= camera.fx / camera.fy <= _MOST_OBLONG:
+        found = f"fx {camera.fx:g} and fy {camera.fy:g}"
+        raise InputError(f"{where} camera focal length", found, "nearly the same in both directions")
+    off = max(abs(camera.cx / camera.width - 0.5), abs(camera.cy / camera.height - 0.5))
+    if off > _FARTHEST_CENTER:
+        found = (
+            f"a principal point at {camera.cx:g}, {camera.cy:g} of {camera.width} x {camera.height} pixels"
+        )
+        raise InputError(f"{where} camera principal point", found, "one near the middle of the picture")
 
 
 def require_invertible(camera: Camera, where: object) -> None:

@@ -102,10 +102,8 @@ def test_fields_of_view_and_equivalent_focal_lengths_are_the_same_camera_said_ot
 
 
 def test_what_is_not_calibrated_is_less_sure_and_says_so() -> None:
-    assert (
-        chosen(intrinsics={"width": 1920, "height": 1080, "fx": 9, "fy": 9, "cx": 1, "cy": 1}).camera.focal_sd
-        == 0.0
-    )
+    calibrated = {"width": 1920, "height": 1080, "fx": 1500, "fy": 1500, "cx": 960, "cy": 540}
+    assert chosen(intrinsics=calibrated).camera.focal_sd == 0.0
     assert chosen(field_of_view={"degrees": 65.2, "of": "horizontal"}).camera.focal_sd == 0.02
     by_metadata = chosen(focal_mm=24.0)
     assert by_metadata.camera.focal_sd == 0.10
@@ -177,3 +175,37 @@ def test_zooming_is_a_longer_focal_length_and_scale_one_is_the_camera_itself() -
     camera = Camera(1920, 1080, 900.0, 900.0, 960.0, 540.0)
     assert camera.zoomed(1.0) is camera
     assert camera.zoomed(2.0).fx == 1800.0
+
+
+@pytest.mark.parametrize(
+    ("matrix", "found"),
+    [
+        ("[[8.8, 0, 6.4], [0, 8.8, 3.6], [0, 0, 1]]", "a focal length of 8.8 pixels"),
+        ("[[0.7, 0, 0.5], [0, 1.25, 0.5], [0, 0, 1]]", "a focal length of 0.7 pixels"),
+        ("[[900, 0, 6400], [0, 900, 360], [0, 0, 1]]", "a principal point at 6400.5"),
+        ("[[900, 0, 0], [0, 900, 0], [0, 0, 1]]", "a principal point at 0.5, 0.5"),
+        ("[[900, 0, 640], [0, 9000, 360], [0, 0, 1]]", "fx 900 and fy 9000"),
+        ("[[900000, 0, 640], [0, 900000, 360], [0, 0, 1]]", "a focal length of 900000 pixels"),
+    ],
+)
+def test_a_camera_that_no_drone_has_is_refused(tmp_path: Path, matrix: str, found: str) -> None:
+    path = tmp_path / "camera.yaml"
+    path.write_text(f"camera_matrix: {matrix}\nimage_width: 1280\nimage_height: 720\n", encoding="utf-8")
+    with pytest.raises(InputError, match=found):
+        choose_camera(
+            CameraSource.model_validate({"file": path}), PictureFacts(1280, 720, "mission.yaml streams.a")
+        )
+
+
+def test_a_calibration_in_one_line_of_json_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "camera.json"
+    text = '{"mtx": [[900, 0, 640], [0, 910, 360], [0, 0, 1]], "dist": [[0.1, 0, 0, 0, 0]], "image_width": 1280, '
+    path.write_text(text + '"image_height": 720}', encoding="utf-8")
+    camera = read_calibration(path).camera
+    assert (camera.width, camera.fx, camera.fy, camera.cx, camera.distortion[0]) == (
+        1280,
+        900,
+        910,
+        640.5,
+        0.1,
+    )
