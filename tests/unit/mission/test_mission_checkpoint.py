@@ -67,7 +67,8 @@ def _busy():
 
 
 def _accounts(stage):
-    return stage.open, stage.received, stage.processed, stage.dropped, stage.detections, stage.hops
+    counted = [(s, stage.frames(s), stage.frames_dropped(s)) for s in "ab"], stage.drops
+    return counted, stage.open, stage.received, stage.processed, stage.dropped, stage.detections, stage.hops
 
 
 def test_a_loaded_reducer_knows_what_the_saved_one_knew(tmp_path):

@@ -95,6 +95,8 @@ def test_the_forecast_is_no_less_than_what_a_run_keeps(prepared: PreparedMission
     journal.reducer(run.reducer, 0.0).checkpoint()
     (checkpoint,) = journal.folder.glob("*.state")
     assert checkpoint.stat().st_size * 3 <= forecast.checkpoint_bytes
+    more = disk_forecast(prepared, chosen, JournalParams(checkpoints=5))
+    assert more.checkpoint_bytes == pytest.approx(2.0 * forecast.checkpoint_bytes)
     longer = disk_forecast(prepared, chosen, params, ForecastParams(boxes=80))
     assert longer.journal_bytes > 2 * forecast.journal_bytes
     assert np.isclose(forecast.bytes, forecast.journal_bytes + forecast.checkpoint_bytes)
