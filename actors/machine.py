@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import contextlib
+import os
+import threading
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from pipeline.allocation.plan import Assignment
 from pipeline.clock import Clock
 from pipeline.config.pool import PoolDetector
 from pipeline.detection import PERSONS, Detector, open_pool_detector
-from pipeline.errors import InputError, RunFailedError, SearchlightError, failure
+from pipeline.errors import InputError, ProtocolError, RunFailedError, SearchlightError, failure
 from pipeline.link.codec import Codec
 from pipeline.link.receiver import Receiver
 from pipeline.link.sender import LinkSender, LinkState
 from pipeline.logs import log_of_actor
 from pipeline.messages import Message
+from pipeline.mission.controller.events import MachineReport
 from pipeline.mission.controller.orders import Run
 from pipeline.mission.controller.substreams import Opened
+from pipeline.mission.durable_reducer import Acknowledgement
 from pipeline.mission.stages.inbox import InboxParams
+from pipeline.mission.stages.kept_results import KeptResults
 from pipeline.mission.stages.machine import MachineStage
 from pipeline.mission.stages.virtual_link import unlimited
 from pipeline.sensor.substream import as_sent
@@ -29,12 +35,13 @@ _RESULTS = "reducer"
 @dataclass(frozen=True)
 class MachineParams:
     """result_bytes: of results that the reducer has not read. stalled_s: a reducer that reads nothing for so long has
-    failed.
+    failed. resend_s: a result that was not acknowledged for so long is sent again.
     """
 
     inbox: InboxParams = field(default_factory=InboxParams)
     result_bytes: int = 16 * 1024 * 1024
     stalled_s: float = 60.0
+    resend_s: float = 2.0
 
     def __post_init__(self) -> None:
         if self.result_bytes < 1 or not self.stalled_s > 0.0:
@@ -50,6 +57,7 @@ class MachineStatus:
     rejected: int
     error: SearchlightError | None
     results: LinkState
+    pid: int = field(default_factory=os.getpid)
 
 
 class MachineActor:
@@ -61,7 +69,10 @@ class MachineActor:
         log_of_actor(f"machine-{machine}")
         self._machine, self._host, self._token, self._codec = machine, host, token, codec
         self._params, self._clock = params or MachineParams(), Clock()
+        self._incarnation, self._sending = 0, threading.Lock()
+        self._stuck: tuple[Message | None, float] = None, 0.0
         self._stage: MachineStage | None = None
+        self._kept: KeptResults | None = None
         self._receiver: Receiver | None = None
         self._results = LinkSender(
             unlimited(), capacity_bytes=self._params.result_bytes, name=f"machine {machine}"
@@ -103,6 +114,79 @@ class MachineActor:
         except InputError as error:
             where = f"machine {self._machine}: {error.where}"
             raise InputError(where, error.found, error.expected) from None
+
+    def begin(
+        self,
+        detectors: Mapping[str, PoolDetector],
+        reducer: Address,
+        layers: Mapping[str, int] = PERSONS,
+        incarnation: int = 0,
+    ) -> Address:
+        """Hold nothing yet, and listen; the address for packets. detectors: of the pool, by id.
+
+        Results are kept until they are acknowledged: a reducer that is lost is sent them again when it is back.
+        """
+        self._incarnation = incarnation
+        self._kept = KeptResults()
+        self._stage = MachineStage(
+            self._machine,
+            self._codec,
+            lambda assignment: self._opened(assignment, detectors[assignment.pool_detector], layers),
+            self._keep_and_answer,
+            self._ask_restart,
+            self._params.inbox,
+            self._clock,
+            drops=True,
+        )
+        self._receiver = Receiver(self._host, self._stage.put, token=self._token)
+        self.results_to(reducer)
+        return self._receiver.address
+
+    def run(self, order: Run) -> None:
+        """Hold what the order says, and nothing else."""
+        assert self._stage is not None, "begin comes first"
+        assert self._kept is not None
+        for key in self._stage.run(order):
+            self._kept.forget(key.stream, key.detector, key.epoch)
+
+    def results_to(self, reducer: Address) -> None:
+        """Send results there from now on, those first that are not known to be safe."""
+        with self._sending:
+            with contextlib.suppress(OSError, ProtocolError):  # it is gone again: the next address will come
+                self._results.connect(_RESULTS, reducer, self._token)
+            for result in self._kept.again() if self._kept is not None else ():
+                self._try_to_send(result)
+
+    def report(self, safe: Sequence[Acknowledgement] = ()) -> tuple[MachineReport, MachineStatus]:
+        """What it holds, and a snapshot. safe: what the reducer has on its disk."""
+        assert self._stage is not None, "begin comes first"
+        assert self._kept is not None
+        self._kept.acknowledge(safe)
+        self._send_what_is_stuck()
+        return self._stage.report(self._incarnation), self.status()
+
+    def _send_what_is_stuck(self) -> None:
+        """Results that were not acknowledged for long are sent again; a reducer takes each once."""
+        assert self._kept is not None
+        oldest, now_s = self._kept.oldest, self._clock.monotonic_s()
+        if oldest is not self._stuck[0]:
+            self._stuck = oldest, now_s
+        elif oldest is not None and now_s - self._stuck[1] > self._params.resend_s:
+            self._stuck = oldest, now_s
+            with self._sending:
+                for result in self._kept.again():
+                    self._try_to_send(result)
+
+    def _keep_and_answer(self, result: Message, urgent: bool) -> None:
+        assert self._kept is not None
+        self._kept.keep(result)
+        with self._sending:
+            self._try_to_send(result)
+
+    def _try_to_send(self, result: Message) -> None:
+        """What cannot be sent now is sent to the next reducer."""
+        with contextlib.suppress(ConnectionError):
+            self._results.send(_RESULTS, result, 0.0)
 
     def status(self) -> MachineStatus:
         """A snapshot."""

@@ -1,54 +1,22 @@
-"""Wiring and supervision of one run: the one place that calls ray.remote."""
+"""One run on Ray, from the plan to what it leaves behind."""
 
 from __future__ import annotations
 
-import math
-import secrets
-import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 from actors.cluster import cluster
-from actors.machine import MachineActor
-from actors.metrics import RunCollector, Snapshot, serve
-from actors.reducer import ReducerActor
-from actors.scheduler import SchedulerActor
-from actors.site import placement
-from actors.source import Pace, SourceActor
+from actors.live import LiveWiring
+from actors.metrics import RunCollector, serve
+from actors.wiring import RunOptions, Wiring
 from pipeline.allocation.plan import Plan
-from pipeline.errors import InputError, RunFailedError, SearchlightError, in_one_line
-from pipeline.ingest.finding import Finding
-from pipeline.link.sender import LinkState
 from pipeline.logs import Log
-from pipeline.mission.clocks import pacing_offsets_s
-from pipeline.mission.ledger import count_known_to
-from pipeline.mission.local import FinishedRun, bandwidth, cut_off_at, make_reducer, source_params
+from pipeline.mission.local import FinishedRun
 from pipeline.mission.prepared import PreparedMission
-from pipeline.mission.run_journal import RunJournal, journal_findings
-from pipeline.mission.stages.reducer import ReducerStage
-from pipeline.mission.stages.source import StreamInput
-from pipeline.mission.stopping import Stop, nothing_yet
-from pipeline.outputs.partial import CutOff, Partial
+from pipeline.mission.run_journal import RunJournal
+from pipeline.mission.stopping import Stop
 
 _LOG = Log("actors")
-#: how often the actors are asked how they are, seconds
-POLL_S = 0.25
-#: sources begin so long after everybody is ready, seconds (realtime)
-START_DELAY_S = 1.0
-#: at the end of a run that was cut off, an actor that says nothing for so long is dead, or as good as dead, seconds
-_LAST_WORD_S = 3.0
-
-
-@dataclass(frozen=True)
-class RunOptions:
-    """address: of a Ray cluster, or None to start one. metrics_port: None for no /metrics, 0 for any port."""
-
-    pace: Pace = "max"
-    address: str | None = None
-    metrics_port: int | None = None
-    metrics_host: str = "127.0.0.1"
 
 
 def run_on_ray(
@@ -68,13 +36,21 @@ def run_on_ray(
         _LOG.event("ray", address=options.address or "started here", pace=options.pace)
         say("starting Ray" if options.address is None else f"joining Ray at {options.address}")
         sites = [site.id for site in prepared.inventory.sites]
-        with cluster(options.address, sites, stop) as host, _Wiring(prepared, options, host, stop) as wiring:
+        with (
+            cluster(options.address, sites, stop) as host,
+            wiring_of(options)(prepared, options, host, stop) as wiring,
+        ):
             if plan is None:
                 say("planning")
                 plan = wiring.plan()
             said = f"plan: {plan.status}, objective {plan.objective:.4g}"
             say(f"{said}, {len(plan.assignments)} substreams")
             return wiring.run(plan, begin(plan), progress, collector)
+
+
+def wiring_of(options: RunOptions) -> type[Wiring]:
+    """In real time what is lost is replaced; as fast as possible the run is the reference, to the byte."""
+    return LiveWiring if options.pace == "realtime" else Wiring
 
 
 @contextmanager
@@ -91,321 +67,3 @@ def _metrics(options: RunOptions, say: Callable[[str], None]) -> Iterator[RunCol
     finally:
         server.shutdown()
         server.server_close()
-
-
-class _Wiring:
-    """Creates the actors of one run, joins their channels, and watches them."""
-
-    def __init__(self, prepared: PreparedMission, options: RunOptions, host: str, stop: Stop) -> None:
-        self._prepared, self._options, self._host, self._stop = prepared, options, host, stop
-        self._token = secrets.token_bytes(32)
-        self._sources: dict[str, Any] = {}
-        self._machines: dict[str, Any] = {}
-        self._reducer: Any = None
-        self._started = 0.0
-
-    def __enter__(self) -> _Wiring:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """On a cluster that goes on without us nothing of ours may stay."""
-        for actor in (*self._sources.values(), *self._machines.values(), self._reducer):
-            if actor is not None:
-                _kill(actor)
-
-    def plan(self) -> Plan:
-        scheduler = _remote(SchedulerActor, None).remote(self._prepared)
-        plan: Plan = _get(scheduler.plan.remote(), "the scheduler")
-        _kill(scheduler)
-        return plan
-
-    def run(
-        self,
-        plan: Plan,
-        journal: RunJournal,
-        progress: Callable[[str, int, int], None],
-        collector: RunCollector,
-    ) -> FinishedRun:
-        """To the streams' end; or what there is of it, if somebody stops it or a part fails."""
-        self._snapshot = Snapshot(
-            plan, bandwidth_bps=self._used_links(plan), findings=self._prepared.findings
-        )
-        self._started = time.monotonic()
-        try:
-            self._start(plan, journal)
-            _LOG.event("actors started", machines=sorted({a.machine for a in plan.assignments}))
-            self._stop.awaited = True
-            self._supervise(progress, collector)
-        except InputError:
-            raise
-        except SearchlightError as error:
-            _LOG.warning("a part failed", error=str(error))
-            self._stop.ask(f"failed: {in_one_line(error)}")
-            return self._ended_early(plan, journal, error)
-        if self._stop.reason is not None:
-            return self._ended_early(plan, journal, None)
-        return self._result(plan)
-
-    def _start(self, plan: Plan, journal: RunJournal) -> None:
-        realtime = self._options.pace == "realtime"
-        self._reducer = _remote_here(ReducerActor).remote(
-            self._prepared, plan, self._host, self._token, realtime, journal
-        )
-        codec = self._prepared.mission.processing.codec
-        sites = {a.machine: a.site for a in plan.assignments}
-        self._machines = {
-            machine: _remote(MachineActor, site).remote(machine, self._host, self._token, codec)
-            for machine, site in sites.items()
-        }
-        self._sources = {
-            s.stream: _remote(SourceActor, s.site).remote(
-                s,
-                plan.assignments,
-                bandwidth(self._prepared, plan, s.stream),
-                self._token,
-                source_params(self._prepared),
-            )
-            for s in self._prepared.streams
-        }
-        addresses = self._start_machines(plan, realtime)
-        known = _get(self._reducer.acknowledged.remote(), "the reducer")
-        start_s = time.time() + START_DELAY_S
-        streams = self._prepared.streams
-        offsets_s = pacing_offsets_s(
-            [s.start_ns for s in streams], [s.end_s - s.video.start_s for s in streams]
-        )
-        self._started = time.monotonic()
-        for s, offset_s in zip(streams, offsets_s, strict=True):
-            start = self._sources[s.stream].start
-            begun = start.remote(addresses, self._options.pace, start_s + offset_s, known)
-            _get(begun, f"the source of {s.stream}")
-
-    def _supervise(self, progress: Callable[[str, int, int], None], collector: RunCollector) -> None:
-        """Until the streams have ended, or somebody asks to stop."""
-        while self._stop.reason is None:
-            before, self._snapshot = self._snapshot, self._polled(self._snapshot)
-            self._log_ends(before, self._snapshot)
-            collector.snapshot = self._snapshot
-            for source in self._snapshot.sources.values():
-                progress(source.stream, source.frames_done, source.frames_total)
-            if self._is_done(self._snapshot):
-                return
-            time.sleep(POLL_S)
-
-    def _start_machines(self, plan: Plan, realtime: bool) -> dict[str, tuple[str, int]]:
-        reducer_address = _get(self._reducer.address.remote(), "the reducer")
-        given = {m: tuple(a for a in plan.assignments if a.machine == m) for m in self._machines}
-        used = {a.pool_detector: self._prepared.runnable(a.pool_detector) for a in plan.assignments}
-        started = {
-            m: actor.start.remote(given[m], used, reducer_address, realtime, self._prepared.layers)
-            for m, actor in self._machines.items()
-        }
-        return {a.detector: _get(started[a.machine], f"machine {a.machine}") for a in plan.assignments}
-
-    def _polled(self, last: Snapshot) -> Snapshot:
-        """What everybody says now. The reducer first: what it has taken, the sources have then sent."""
-        asked = {"the reducer": self._reducer.status.remote()}
-        asked |= {f"machine {name}": m.status.remote() for name, m in self._machines.items()}
-        answers = {who: self._answer(what, who) for who, what in asked.items()}
-        sources = {
-            name: self._answer(s.status.remote(), f"the source of {name}")
-            for name, s in self._sources.items()
-        }
-        if self._stop.reason is not None:
-            return last
-        for who, status in {**answers, **{f"the source of {n}": s for n, s in sources.items()}}.items():
-            if status.error is not None:
-                raise _named(status.error, who)
-        machines = {name: answers[f"machine {name}"] for name in self._machines}
-        return replace(last, sources=sources, machines=machines, reducer=answers["the reducer"])
-
-    def _answer(self, what: Any, who: str) -> Any:
-        """An actor's answer; None once somebody has asked to stop."""
-        while self._stop.reason is None:
-            with suppress(_NoAnswerError):
-                return _get(what, who, POLL_S)
-        return None
-
-    @staticmethod
-    def _log_ends(before: Snapshot, now: Snapshot) -> None:
-        """A line for every source that has come to its end, and for the reducer's last substream."""
-        for stream, source in now.sources.items():
-            known = before.sources.get(stream)
-            if source.finished and not (known is not None and known.finished):
-                _LOG.event("stream ends", stream=stream, frames=source.frames_done)
-        was = None if before.reducer is None else before.reducer.open_substreams
-        if now.reducer is not None and now.reducer.open_substreams != was:
-            _LOG.event("substreams open", count=now.reducer.open_substreams)
-
-    @staticmethod
-    def _is_done(snapshot: Snapshot) -> bool:
-        sent = all(source.finished for source in snapshot.sources.values())
-        return sent and snapshot.reducer is not None and snapshot.reducer.open_substreams == 0
-
-    def _result(self, plan: Plan) -> FinishedRun:
-        seconds = time.monotonic() - self._started
-        stage, findings = _get(self._reducer.finish.remote(), "the reducer")
-        counts = {
-            name: _get(source.count.remote(), f"the source of {name}")
-            for name, source in self._sources.items()
-        }
-        return FinishedRun(
-            plan,
-            stage,
-            counts,
-            self._bytes_sent(),
-            seconds,
-            self._options.pace,
-            links=self._links(),
-            findings=findings,
-        )
-
-    def _ended_early(self, plan: Plan, journal: RunJournal, error: SearchlightError | None) -> FinishedRun:
-        """What there is when somebody has stopped the run, or a part of it has failed. Raises the error, or
-        StoppedError, if nothing was taken.
-        """
-        self._drain()
-        seconds = time.monotonic() - self._started
-        stage, findings = self._salvaged(plan, journal)
-        if not any(stage.received.values()) and not any(stage.dropped.values()):
-            raise error or nothing_yet(str(self._stop.reason))
-        counts = {}
-        for s in self._prepared.streams:
-            try:
-                counts[s.stream] = _get(
-                    self._sources[s.stream].count.remote(), "", min(_LAST_WORD_S, self._stop.wait_s)
-                )
-            except (SearchlightError, KeyError):
-                counts[s.stream] = count_known_to(s.stream, stage)
-        cut_off = tuple(self._cut_off(s, stage) for s in self._prepared.streams if not self._at_end(s.stream))
-        partial = Partial(str(self._stop.reason), self._stop.at_ns, cut_off)
-        return FinishedRun(
-            plan,
-            stage,
-            counts,
-            self._bytes_sent(),
-            seconds,
-            self._options.pace,
-            links=self._links(),
-            partial=partial,
-            findings=findings,
-            error=error,
-        )
-
-    def _drain(self) -> None:
-        """Tell the sources to stop, and wait for what is on its way, as long as there is time and it gets less."""
-        for source in self._sources.values():
-            source.stop.remote(self._stop.wait_s)
-        missing, since_s = math.inf, time.monotonic()
-        while self._stop.wait_s > 0.0 and time.monotonic() - since_s < _LAST_WORD_S:
-            try:
-                reducer = _get(self._reducer.status.remote(), "the reducer", self._stop.wait_s)
-                sources = {
-                    n: _get(s.status.remote(), n, min(_LAST_WORD_S, self._stop.wait_s))
-                    for n, s in self._sources.items()
-                }
-            except (SearchlightError, AttributeError):  # it is gone, or was never there
-                return
-            self._snapshot = replace(self._snapshot, sources=sources, reducer=reducer)
-            sent = sum(sum(source.packets_sent.values()) for source in sources.values())
-            now_missing = sent - sum(reducer.taken.values())
-            if now_missing <= 0 and all(source.finished for source in sources.values()):
-                return
-            if now_missing < missing:
-                missing, since_s = now_missing, time.monotonic()
-            time.sleep(POLL_S / 5.0)
-
-    def _salvaged(self, plan: Plan, journal: RunJournal) -> tuple[ReducerStage, tuple[Finding, ...]]:
-        """The reducer's state: from itself, or if it does not answer, from what it has put on the disk."""
-        with suppress(SearchlightError, AttributeError):
-            answer: tuple[ReducerStage, tuple[Finding, ...]] = _get(
-                self._reducer.finish.remote(), "the reducer", max(_LAST_WORD_S, self._stop.wait_s)
-            )
-            return answer
-        if self._reducer is not None:
-            _kill(self._reducer)
-        _LOG.warning("reducer does not answer: its journal is read", folder=journal.folder)
-        stage = make_reducer(self._prepared, plan, lateness=self._options.pace == "realtime")
-        durable = journal.reducer(stage, time.monotonic())
-        durable.finish()
-        return stage, journal_findings(durable)
-
-    def _at_end(self, stream: str) -> bool:
-        source = self._snapshot.sources.get(stream)
-        return source is not None and source.finished and not source.cut_off
-
-    def _cut_off(self, stream: StreamInput, stage: ReducerStage) -> CutOff:
-        """Where a stream was cut off: by its source, or if that is gone, by the newest frame that came."""
-        source = self._snapshot.sources.get(stream.stream)
-        if source is not None:
-            return cut_off_at(stream, stream.video.start_s + source.reached_s)
-        newest = [ns for (name, _), ns in stage.fuser.last_ns.items() if name == stream.stream]
-        video_s = max(newest, default=stream.start_ns) - stream.start_ns
-        return cut_off_at(stream, max(stream.video.start_s, video_s * 1e-9))
-
-    def _bytes_sent(self) -> dict[tuple[str, str], int]:
-        sources = self._snapshot.sources.items()
-        return {(n, site): b for n, source in sources for site, b in source.bytes_sent.items()}
-
-    def _links(self) -> dict[tuple[str, str], LinkState]:
-        sources = self._snapshot.sources.items()
-        return {(n, site): state for n, source in sources for site, state in source.links.items()}
-
-    def _used_links(self, plan: Plan) -> dict[tuple[str, str], float]:
-        used = {(a.stream, a.site) for a in plan.assignments}
-        return {link: self._prepared.problem.link_bps.get(link, 0.0) for link in sorted(used)}
-
-
-def _remote(actor: type, site: str | None) -> Any:
-    import ray
-
-    resources: Mapping[str, float] = {} if site is None else placement(site)
-    return ray.remote(actor).options(num_cpus=0, resources=dict(resources))
-
-
-def _remote_here(actor: type) -> Any:
-    """On the driver's own node: what the actor writes to the disk is on this machine."""
-    import ray
-    from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
-
-    here = NodeAffinitySchedulingStrategy(ray.get_runtime_context().get_node_id(), soft=False)
-    return ray.remote(actor).options(num_cpus=0, scheduling_strategy=here)
-
-
-class _NoAnswerError(RunFailedError):
-    """An actor did not answer in time."""
-
-
-def _get(what: Any, who: str, timeout_s: float | None = None) -> Any:
-    """An actor's answer. Raises its own error if that is ours, else one that names who it was."""
-    import ray
-
-    try:
-        return ray.get(what, timeout=timeout_s)
-    except ray.exceptions.GetTimeoutError:
-        raise _NoAnswerError(f"{who} did not answer within {timeout_s:g} s") from None
-    except ray.exceptions.RayTaskError as error:
-        if isinstance(error.cause, SearchlightError):
-            raise error.cause from None
-        raise RunFailedError(f"{who} failed: {error}") from None
-    except ray.exceptions.RayActorError as error:
-        _LOG.warning("an actor died", who=who, error=str(error))
-        raise RunFailedError(f"{who} died") from None
-    except ray.exceptions.RayError as error:
-        raise RunFailedError(f"{who}: {type(error).__name__}: {error}") from None
-
-
-def _named(error: SearchlightError, who: str) -> SearchlightError:
-    """An error that an actor reports of itself; a failure says whose it was."""
-    if type(error) is not RunFailedError:
-        return error
-    named = RunFailedError(f"{who} failed: {in_one_line(error)}")
-    named.details = str(error)
-    return named
-
-
-def _kill(actor: Any) -> None:
-    import ray
-
-    with suppress(Exception):  # whatever is wrong with an actor, it is not to hold up the end
-        ray.kill(actor)

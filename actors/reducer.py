@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import os
 import threading
 import time
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from pipeline.allocation.plan import Plan
+from pipeline.allocation.plan import Plan, assignment_to_json
 from pipeline.errors import SearchlightError, failure
 from pipeline.ingest.finding import Finding
 from pipeline.link.receiver import Receiver
 from pipeline.logs import Log, log_of_actor
 from pipeline.messages import Detections, Message
+from pipeline.mission.controller.events import ReducerReport
+from pipeline.mission.controller.orders import Expect
+from pipeline.mission.controller.substreams import Substream
 from pipeline.mission.durable_reducer import Acknowledgement
 from pipeline.mission.local import make_reducer
 from pipeline.mission.prepared import PreparedMission
@@ -46,6 +50,7 @@ class ReducerStatus:
     acknowledged: tuple[Acknowledgement, ...] = ()
     trouble: str | None = None
     taken: dict[tuple[str, str], int] = field(default_factory=dict)
+    pid: int = field(default_factory=os.getpid)
 
 
 class ReducerActor:
@@ -79,6 +84,28 @@ class ReducerActor:
         """What is on the disk, and need not be sent."""
         with self._changed:
             return self._durable.acknowledged
+
+    def expect(self, order: Expect) -> None:
+        """Hold open what the order says, with what it is worth, and close all else; both are on the disk then."""
+        reasons = {close.substream: close.reason for close in order.close}
+        with self._changed:
+            for opened in order.open:
+                key = opened.key.stream, opened.key.detector, opened.key.epoch
+                if key not in self._stage.open and key not in self._stage.sequencer.over:
+                    self._durable.open_again(*key, assignment_to_json(opened.assignment))
+            wanted = {(k.stream, k.detector, k.epoch) for k in order.keys}
+            # what is to be closed may never have been opened here: it is not to be opened later either
+            named = {(k.stream, k.detector, k.epoch) for k in reasons} - self._stage.sequencer.over
+            for key in sorted((self._stage.open - wanted) | named):
+                self._durable.close(*key, reasons.get(Substream(*key), "not_used"))
+            self._durable.commit()
+
+    def report(self, incarnation: int = 0) -> tuple[ReducerReport, ReducerStatus]:
+        """What is open and closed, and a snapshot."""
+        with self._changed:
+            open_ = frozenset(Substream(*key) for key in self._stage.open)
+            closed = frozenset(Substream(*key) for key in self._stage.sequencer.over)
+        return ReducerReport(incarnation, open_, closed), self.status()
 
     def status(self) -> ReducerStatus:
         """A snapshot."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
+import os
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -14,6 +16,8 @@ from pipeline.errors import RunFailedError, SearchlightError, failure
 from pipeline.link.sender import LinkSender, LinkState
 from pipeline.logs import Log, log_of_actor
 from pipeline.messages import Message
+from pipeline.mission.controller.events import LinkMeasure, SourceReport
+from pipeline.mission.controller.orders import Send
 from pipeline.mission.durable_reducer import Acknowledgement
 from pipeline.mission.missing import WhatIsMissing
 from pipeline.mission.stages.radio_link import RadioLink, RadioParams
@@ -47,10 +51,19 @@ class SourceStatus:
     packets_sent: dict[str, int] = field(default_factory=dict)
     reached_s: float = 0.0
     cut_off: bool = False
+    pid: int = field(default_factory=os.getpid)
+
+
+#: a link that takes all that it is offered may take so much more than was measured
+_PROBE = 1.5
 
 
 class _CutOffError(Exception):
     """The source was told to stop."""
+
+
+class _OverError(Exception):
+    """The operator has ended the stream."""
 
 
 class SourceActor:
@@ -79,6 +92,8 @@ class SourceActor:
         self._link: RadioLink | None = None
         self._reached_s, self._flush_s = 0.0, math.inf
         self._stopped, self._cut_off = threading.Event(), False
+        self._ordered, self._followed = threading.Lock(), -1
+        self._order: tuple[Send, dict[str, Address]] | None = None
         self._known: dict[tuple[str, int], Acknowledgement] = {}
 
     def start(
@@ -137,30 +152,71 @@ class SourceActor:
             self._error = failure(error)
             _LOG.warning("source failed", stream=self._stream.stream, error=str(self._error))
 
+    def follow(self, order: Send, addresses: Mapping[str, Address]) -> None:
+        """Go over to an epoch at the next frame; before the first one it is waited for. addresses: by machine.
+
+        An epoch that comes after one with a higher number changes nothing.
+        """
+        with self._ordered:
+            if self._order is None or order.epoch.number >= self._order[0].epoch.number:
+                self._order = order, dict(addresses)
+
+    def report(self, incarnation: int = 0) -> tuple[SourceReport, SourceStatus]:
+        """Which epoch it follows and what its links let through, and a snapshot."""
+        status = self.status()
+        measures = tuple(
+            LinkMeasure(site, state.rate_bps * (1.0 if state.full else _PROBE))
+            for site, state in status.links.items()
+            if math.isfinite(self._bandwidth[site])
+        )
+        tick = status.frames_done
+        ended = self._finished and not self._cut_off
+        return SourceReport(self._stream.stream, incarnation, self._followed, tick, ended, measures), status
+
     def _run_realtime(self, addresses: Mapping[str, Address], start_time_s: float) -> None:
         link = RadioLink(self._stream.stream, self._bandwidth, self._token, self._radio, self._clock)
-        for a in self._assignments:
-            link.connect(a.site, a.detector, addresses[a.detector])
         self._link = link
         start_s = self._clock.monotonic_of(start_time_s)
+        stage = self._stage = SourceStage(self._stream, (), link, self._params)
 
         def wait_until(video_s: float) -> float:
             self._bytes = link.bytes_sent
             if self._stopped.wait(max(0.0, start_s + video_s - self._clock.monotonic_s())):
                 raise _CutOffError
             self._reached_s = video_s
-            return self._clock.monotonic_s() - start_s
+            now_s = self._clock.monotonic_s() - start_s
+            self._go_over(stage, link, now_s)
+            return now_s
 
-        self._stage = SourceStage(self._stream, self._assignments, link, self._params)
         try:
-            self._stage.run(wait_until)
+            stage.run(wait_until)
         except _CutOffError:
             for sender in link.senders.values():
                 sender.flush(self._flush_s)
             raise
-        unread = link.close()
+        except _OverError:
+            pass
+        link.close()
         self._bytes = link.bytes_sent
-        self._require_read(unread)
+
+    def _go_over(self, stage: SourceStage, link: RadioLink, now_s: float) -> None:
+        """Follow the newest order, if it is not followed yet."""
+        with self._ordered:
+            order, self._order = self._order, None
+        if order is None:
+            return
+        send, addresses = order
+        if send.epoch.number > self._followed:
+            for opened in send.epoch.substreams:
+                a = opened.assignment
+                link.expect(a.site, a.detector, addresses.get(a.machine))
+            with contextlib.suppress(RunFailedError):  # an end that cannot be told: its machine is lost
+                stage.follow(send.epoch, now_s)
+            self._followed = send.epoch.number
+        if send.over:
+            with contextlib.suppress(RunFailedError):
+                stage.end()
+            raise _OverError
 
     def _run_max(self, addresses: Mapping[str, Address], start_time_s: float) -> None:
         name = f"stream {self._stream.stream}"

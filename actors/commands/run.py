@@ -11,10 +11,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from actors.commands.people import print_people
-from actors.mission import RunOptions, run_on_ray
+from actors.mission import run_on_ray
 from actors.signals import stopped_by_signals
 from actors.source import Pace
 from actors.terminal import progress_bars, say
+from actors.wiring import RunOptions
 from pipeline.allocation.plan import Plan
 from pipeline.errors import InputError
 from pipeline.logs import ACTOR_LOGS, FOLDER_VARIABLE, logged_run

@@ -133,6 +133,16 @@ def _assignment(record: dict[str, Any]) -> Assignment:
     return Assignment(**{**record, "setup": setup_from(record.get("setup", {}))})
 
 
+def assignment_to_json(assignment: Assignment) -> str:
+    """One assignment in one line."""
+    return json.dumps(asdict(assignment), allow_nan=False, sort_keys=True)
+
+
+def assignment_from_json(text: str) -> Assignment:
+    """The assignment of a line written by assignment_to_json."""
+    return _assignment(json.loads(text))
+
+
 def plan_table(plan: Plan) -> list[tuple[str, ...]]:
     """One row of text per assignment, under PLAN_COLUMNS."""
     return [

@@ -79,6 +79,11 @@ class Sequencer:
         """Substreams that are waited for, with their epoch."""
         return frozenset(self._open)
 
+    @property
+    def over(self) -> frozenset[Opened]:
+        """Substreams that have ended or were closed."""
+        return frozenset((self._newest.keys() | self._closed) - self._open)
+
     def open_again(self, stream: str, detector: str, epoch: int) -> None:
         """Wait for a substream from now on; once it was closed it stays so."""
         if (stream, detector, epoch) not in self._newest:

@@ -95,6 +95,8 @@ def _state(stage: ReducerStage) -> dict[str, Any]:
         "processed": [(key, sorted(frames)) for key, frames in sorted(stage.processed.items())],
         "dropped": [(key, sorted(frames.items())) for key, frames in sorted(stage.dropped.items())],
         "detections": sorted(stage.detections.items()),
+        "closed": sorted(stage.closed.items()),
+        "opened": sorted(stage.opened.items()),
         "hops": [
             (key, [(hop, h.counts, h.sum_s) for hop, h in hops.items()])
             for key, hops in sorted(stage.hops.items())
@@ -137,6 +139,8 @@ def _restore_sequencer(stage: ReducerStage, state: dict[str, Any]) -> None:
 
 
 def _restore_accounts(stage: ReducerStage, state: dict[str, Any]) -> None:
+    stage.closed = dict(state["closed"])
+    stage.learn(dict(state["opened"]))
     stage.received = {key: set(frames) for key, frames in state["received"]}
     stage.processed = {key: set(frames) for key, frames in state["processed"]}
     stage.dropped = {key: dict(frames) for key, frames in state["dropped"]}

@@ -151,9 +151,9 @@ class DurableReducer:
         self._since_checkpoint += 1
         self._take(message)
 
-    def open_again(self, stream: str, detector: str, epoch: int) -> None:
+    def open_again(self, stream: str, detector: str, epoch: int, assignment: str = "") -> None:
         """As the stage does; on the disk with the next commit."""
-        self._command("open_again", stream, detector, epoch)
+        self._command("open_again", stream, detector, epoch, assignment)
 
     def close(self, stream: str, detector: str, epoch: int, reason: str) -> None:
         """As the stage does; on the disk with the next commit."""

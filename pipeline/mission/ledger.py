@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
 
-from pipeline.allocation.plan import Plan
+from pipeline.allocation.plan import Assignment
 from pipeline.ingest.finding import Finding
 from pipeline.mission.stages.reducer import HOPS, HopHistogram, ReducerStage
 from pipeline.mission.stages.source import LINK_LOST, SourceCount
@@ -39,13 +41,25 @@ def count_known_to(stream: str, reducer: ReducerStage) -> SourceCount:
     return SourceCount(captured=len(due), due=due)
 
 
+def with_heard(stream: str, count: SourceCount, reducer: ReducerStage) -> SourceCount:
+    """The count of a source that was started again, and knows nothing of what the one before it has sent."""
+    due, dropped = dict(count.due), dict(count.dropped)
+    for name, detector in sorted(reducer.received):
+        if name != stream:
+            continue
+        for index in reducer.received[name, detector] | reducer.dropped[name, detector].keys():
+            dropped.pop((index, detector), None)
+            if index in due and detector not in due[index]:
+                due[index] = (*due[index], detector)
+    return replace(count, due=due, dropped=dropped)
+
+
 def substream_counts(
-    plan: Plan, counts: dict[str, SourceCount], reducer: ReducerStage
+    assignments: Sequence[Assignment], counts: dict[str, SourceCount], reducer: ReducerStage
 ) -> list[SubstreamCount]:
     """Every frame that was a detector's turn: processed, or dropped with a reason."""
     return [
-        _substream(a.stream, a.detector, a.machine, a.site, counts[a.stream], reducer)
-        for a in plan.assignments
+        _substream(a.stream, a.detector, a.machine, a.site, counts[a.stream], reducer) for a in assignments
     ]
 
 
@@ -81,7 +95,9 @@ def _fate(index: int, stream: str, detector: str, count: SourceCount, reducer: R
         return count.dropped[index, detector]
     if index in reducer.dropped[stream, detector]:
         return reducer.dropped[stream, detector][index]
-    return _AT_REDUCER if index in reducer.received[stream, detector] else _AFTER_SOURCE
+    if index in reducer.received[stream, detector]:
+        return _AT_REDUCER
+    return reducer.closed.get((stream, detector), _AFTER_SOURCE)
 
 
 def contradictions(stream: str, count: SourceCount, reducer: ReducerStage) -> list[Finding]:

@@ -16,6 +16,7 @@ from pipeline.link.codec import Codec
 from pipeline.link.sender import LinkState
 from pipeline.logs import Log
 from pipeline.messages import Message
+from pipeline.mission.controller.recorded import Recorded
 from pipeline.mission.durable_reducer import DurableReducer
 from pipeline.mission.missing import WhatIsMissing
 from pipeline.mission.onto import go_on
@@ -27,6 +28,7 @@ from pipeline.mission.stages.source import SourceCount, SourceParams, SourceStag
 from pipeline.mission.stages.virtual_link import VirtualLink
 from pipeline.mission.stopping import Stop
 from pipeline.outputs.partial import CutOff, Partial
+from pipeline.outputs.timeline import TimelineEntry
 from pipeline.sensor.substream import SubstreamModel, as_sent, substream_model
 
 _LOG = Log("mission")
@@ -41,7 +43,8 @@ class FinishedRun:
     first frame to last result. pace: ``realtime``, ``max``, ``local``, or ``fuse`` for detections that others
     made; own_detections: sentences about these, see Summary. links: measured, per (stream, site), in real
     time. partial: why and where it ended too early, if it did. findings: what was noticed on the way. error: that
-    ended it.
+    ended it. ran: what else was run than the plan that it began with. timeline: what happened on the way.
+    log: of the mission controller.
     """
 
     plan: Plan
@@ -55,6 +58,14 @@ class FinishedRun:
     partial: Partial | None = None
     findings: tuple[Finding, ...] = ()
     error: SearchlightError | None = None
+    ran: tuple[Assignment, ...] = ()
+    timeline: tuple[TimelineEntry, ...] = ()
+    log: tuple[Recorded, ...] = ()
+
+    @property
+    def assignments(self) -> tuple[Assignment, ...]:
+        """Of every stream and detector that was ever run."""
+        return self.ran or self.plan.assignments
 
 
 @dataclass(frozen=True)
@@ -170,11 +181,13 @@ def make_reducer(
     lateness: bool,
     relative_accuracy: Mapping[str, float] | None = None,
 ) -> ReducerStage:
-    """The reducer for a plan; without lateness it waits for every substream for as long as it takes.
+    """The reducer for a plan; without lateness it waits for every substream for as long as it takes. With lateness, in
+    real time, it begins without substreams.
 
     relative_accuracy: of the pool detectors, 0..1, where it does not follow from the pool.
     """
-    substreams = tuple((a.stream, a.detector) for a in plan.assignments)
+    # in real time substreams are opened by order, those of the first plan too
+    substreams = () if lateness else tuple((a.stream, a.detector) for a in plan.assignments)
     by_pool = relative_accuracy or prepared.relative_accuracy
     relative = {a.detector: by_pool[a.pool_detector] for a in plan.assignments}
     worth = None if relative_accuracy else substream_models(prepared, plan)
@@ -184,19 +197,27 @@ def make_reducer(
         _LOG.event("map goes on", run=prepared.onto.path, flights=len(prepared.onto.flights))
     lateness_ns = round(prepared.mission.fusion.lateness * 1e9) if lateness else None
     start_ns = {s.stream: s.start_ns for s in prepared.streams}
-    return ReducerStage(fuser, Sequencer(substreams, lateness_ns, start_ns), substreams)
+
+    def learn(fuser: Fuser, assignment: Assignment, epoch: int) -> None:
+        relative = by_pool[assignment.pool_detector]
+        fuser.learn(
+            assignment.stream, assignment.detector, epoch, relative, substream_worth(prepared, assignment)
+        )
+
+    return ReducerStage(fuser, Sequencer(substreams, lateness_ns, start_ns), substreams, learn)
 
 
 def substream_models(prepared: PreparedMission, plan: Plan) -> dict[tuple[str, str], SubstreamModel]:
     """What each substream of a plan is worth, at the bitrate and under the codec that it is sent with."""
+    return {(a.stream, a.detector): substream_worth(prepared, a) for a in plan.assignments}
+
+
+def substream_worth(prepared: PreparedMission, assignment: Assignment) -> SubstreamModel:
+    """What one substream is worth."""
     pool = {d.id: d for d in prepared.pool.detectors}
     best = max(d.best_accuracy for d in pool.values())
-    return {
-        (a.stream, a.detector): substream_model(
-            pool[a.pool_detector], codec_of(prepared, a), a.bitrate_bps, best, a.setup
-        )
-        for a in plan.assignments
-    }
+    a = assignment
+    return substream_model(pool[a.pool_detector], codec_of(prepared, a), a.bitrate_bps, best, a.setup)
 
 
 def codec_of(prepared: PreparedMission, assignment: Assignment) -> Codec:

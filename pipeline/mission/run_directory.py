@@ -117,7 +117,7 @@ def _summary(
         video_seconds=video_s,
         plan=run.plan,
         streams=[stream_account(s.stream, run.counts[s.stream], run.reducer) for s in prepared.streams],
-        substreams=substream_counts(run.plan, run.counts, run.reducer),
+        substreams=substream_counts(run.assignments, run.counts, run.reducer),
         links=[_link(prepared, run, *link, durations[link[0]]) for link in sorted(run.bytes_sent)],
         locations=locations,
         match=match_truth(locations, truth) if truth else None,
@@ -134,6 +134,7 @@ def _summary(
         left_out=prepared.left_out,
         own_detections=run.own_detections,
         partial=run.partial,
+        timeline=run.timeline,
     )
 
 

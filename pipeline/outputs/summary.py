@@ -18,6 +18,7 @@ from pipeline.outputs.accounting import StreamAccount
 from pipeline.outputs.earlier_flight import EarlierFlight, flight_to_json
 from pipeline.outputs.partial import Partial, partial_json
 from pipeline.outputs.salient_geojson import ellipse_json, map_probability_json, support_json
+from pipeline.outputs.timeline import TimelineEntry
 from pipeline.outputs.times import iso_time, zone_name
 from pipeline.outputs.truth import MATCH_RADIUS_M, TruthMatch
 from pipeline.outputs.verdict import Verdict, judge
@@ -101,6 +102,7 @@ class Summary:
     not made by this run come from, and what was assumed of them, a sentence each; empty: this run made them. possible:
     places below the threshold that were detected again and again. coverage: of the ground that was to be searched.
     earlier: flights whose map this run has continued. partial: why and where it ended too early; None: it did not.
+    timeline: who was lost and came back, and what was changed for it, in real time.
     """
 
     mission: str
@@ -140,6 +142,7 @@ class Summary:
     coverage: Coverage | None = None
     earlier: Sequence[EarlierFlight] = ()
     partial: Partial | None = None
+    timeline: Sequence[TimelineEntry] = ()
 
 
 def write_summary(path: Path, summary: Summary) -> None:
@@ -174,6 +177,7 @@ def summary_to_json(summary: Summary) -> dict[str, Any]:
         "evidence_not_taken": dict(sorted(summary.not_taken.items())),
         "provenance": dict(summary.provenance),
         "own_detections": list(summary.own_detections),
+        "timeline": [asdict(entry) for entry in summary.timeline],
         "earlier_flights": [flight_to_json(flight) for flight in summary.earlier],
     }
     plain = _finite(content)

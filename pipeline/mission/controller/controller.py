@@ -68,13 +68,11 @@ def _excuse_own_absence(state: MissionState, now: float) -> MissionState:
     away_s = now - state.last_s
     if away_s <= state.params.absence_s:
         return replace(state, last_s=now)
+    away_s -= state.params.step_s
     streams = {n: replace(s, source=excused(s.source, away_s)) for n, s in state.streams.items()}
     machines = {n: replace(m, peer=excused(m.peer, away_s)) for n, m in state.machines.items()}
     reducer = replace(state.reducer, peer=excused(state.reducer.peer, away_s))
-    # an answer may have come meanwhile, to nobody
-    return replace(
-        state, streams=streams, machines=machines, reducer=reducer, asked=None, situation=None, last_s=now
-    )
+    return replace(state, streams=streams, machines=machines, reducer=reducer, last_s=now)
 
 
 def _take(state: MissionState, event: Event, now: float) -> Step:
@@ -173,6 +171,8 @@ def _ask(state: MissionState, now: float) -> Step:
         asked is None or asked.at_s == math.inf
     ):
         return state, []
+    if state.requests == 0 and _gathers(state, now):
+        return state, []
     if not situation.machines or not situation.streams:
         nobody = tuple(Unserved(v, "no machine is up") for v in situation.streams)
         return adopt(replace(state, asked=None, situation=situation), Solved(0, (), nobody), situation)
@@ -180,6 +180,13 @@ def _ask(state: MissionState, now: float) -> Step:
     running = tuple(o.assignment for v in situation.streams for o in state.streams[v].wanted)
     order = Solve(request, problem_now(state.problem, situation), running)
     return replace(state, requests=request, asked=Asked(request, situation, now)), [order]
+
+
+def _gathers(state: MissionState, now: float) -> bool:
+    """Whether the first plan is worth waiting for actors that are still starting."""
+    peers = [*(m.peer for m in state.machines.values()), *(s.source for s in state.streams.values())]
+    is_one_starting = any(peer.life == "starting" for peer in (*peers, state.reducer.peer))
+    return is_one_starting and now - state.begun_s < state.params.gather_s
 
 
 def _tell(state: MissionState, held: Mapping[str, Holding], now: float) -> Step:
@@ -209,7 +216,7 @@ def _tell(state: MissionState, held: Mapping[str, Holding], now: float) -> Step:
     if state.reducer.peer.is_up:
         expect = _expect(state)
         report = state.reducer.report
-        give(REDUCER, expect, expect.open <= report.open and not expect.close)
+        give(REDUCER, expect, expect.keys <= report.open and not expect.close)
         if _is_over(state) and not state.finished:
             give("finish", Finish(), False)
     return replace(state, given=given), orders
@@ -226,7 +233,9 @@ def _run(machine: str, held: Holding, incarnation: int, last: Given | None) -> R
 
 
 def _expect(state: MissionState) -> Expect:
-    living = frozenset(key for key, k in state.known.items() if k.dead is None)
+    living = tuple(
+        k.opened for _, k in sorted(state.known.items(), key=lambda item: item[0]) if k.dead is None
+    )
     dead = sorted((key, k.dead) for key, k in state.known.items() if k.dead is not None)
     return Expect(living, tuple(Close(key, reason) for key, reason in dead))
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from pipeline.allocation.plan import Assignment
 from pipeline.allocation.problem import Problem
-from pipeline.mission.controller.substreams import Opened, PlanEpoch, Substream
+from pipeline.mission.controller.substreams import Opened, PlanEpoch, Substream, keys_of
 
 
 @dataclass(frozen=True)
@@ -57,8 +57,13 @@ class Close:
 class Expect:
     """The substreams that the reducer should hold open, and those that it should close now."""
 
-    open: frozenset[Substream]
+    open: tuple[Opened, ...]
     close: tuple[Close, ...] = ()
+
+    @property
+    def keys(self) -> frozenset[Substream]:
+        """The identities of those that should be open."""
+        return keys_of(self.open)
 
 
 @dataclass(frozen=True)

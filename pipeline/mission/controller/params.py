@@ -18,7 +18,9 @@ class ControllerParams:
     drain_s: a substream that its source has left is closed after so long, though its end did not come.
     solve_s: an answer that has not come after so long is asked for again.
     retry_s: after the solver found nothing or broke, it is asked again so much later.
-    absence_s: after a step that came so much later than the one before, nobody is silent for that time.
+    gather_s: so long after the beginning the first plan waits for actors that are still starting.
+    absence_s, step_s: after a step that came absence_s later than the one before or more, nobody is silent for that
+    time, less step_s: what may pass between two steps where all is well.
     failures: of one detector on one machine; it is planned with no more after so many.
     link_worse, worse_s: a link is planned anew once it lets through less than this share of what was planned, for so
     long. link_better, better_s: and once it lets through so many times as much. link_share: of what a link was
@@ -33,12 +35,14 @@ class ControllerParams:
     restarts: int = 8
     reissue_s: float = 0.5
     drain_s: float = 5.0
-    solve_s: float = 5.0
+    solve_s: float = 4.0
     retry_s: float = 1.0
-    absence_s: float = 0.7
+    gather_s: float = 30.0
+    absence_s: float = 0.5
+    step_s: float = 0.3
     failures: int = 3
     link_worse: float = 0.9
     worse_s: float = 0.4
     link_better: float = 1.25
-    better_s: float = 5.0
+    better_s: float = 8.0
     link_share: float = 0.9

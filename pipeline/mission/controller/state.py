@@ -111,7 +111,7 @@ class MissionState:
 
     problem: of the whole inventory; ``situation.problem_now`` is what is left of it. requests: questions to the solver
     so far. situation: the one that the standing plan was made for. failures: how often each detector broke. given: the
-    last order to each actor. last_s: time of the last step.
+    last order to each actor. begun_s, last_s: time of the first and of the last step.
     """
 
     problem: Problem
@@ -126,6 +126,7 @@ class MissionState:
     requests: int = 0
     asked: Asked | None = None
     situation: object = None
+    begun_s: float = 0.0
     last_s: float = math.inf
     finished: bool = False
 
@@ -139,6 +140,7 @@ def begin(problem: Problem, now: float, params: ControllerParams | None = None) 
         streams={v: StreamState(starting(now)) for v in problem.streams},
         reducer=ReducerState(starting(now), ReducerReport(0)),
         links={link: declared(bps) for link, bps in problem.link_bps.items()},
+        begun_s=now,
         last_s=now,
     )
 

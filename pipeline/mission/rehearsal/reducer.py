@@ -62,7 +62,7 @@ class ModelReducer(Process):
     def expect(self, order: Expect) -> None:
         """Open what is new, and close what should be closed; what is closed stays so."""
         self._commit()
-        for key in order.open:
+        for key in order.keys:
             self.disk.setdefault(key, Kept())
         for close in order.close:
             self.disk.setdefault(close.substream, Kept()).close(close.reason, self.timeline.now)

@@ -42,6 +42,8 @@ class ModelScheduler(Process):
         """A new process reads the log."""
         super().start(incarnation)
         self.state = replay(begin(self._problem, 0.0, self._params), self.log)
+        if self.state.asked is not None:  # its answer died with the process before
+            self.hear(NotSolved(self.state.asked.request, "the scheduler was started again"))
         self.every(ELAPSED_S, lambda: self.hear(Elapsed()))
 
     def hear(self, event: Event) -> None:

@@ -58,6 +58,12 @@ class KeptResults:
             for key in [key for key in self._kept if key[:3] == (stream, detector, epoch)]:
                 del self._kept[key]
 
+    @property
+    def oldest(self) -> Message | None:
+        """The result that has waited longest to be safe."""
+        with self._lock:
+            return next(iter(self._kept.values()), None)
+
     def again(self) -> list[Message]:
         """All that is not safe, in its order."""
         with self._lock:

@@ -90,9 +90,20 @@ class RadioLink:
                 raise RunFailedError(f"stream {self._stream}: no connection to {name}: {error}") from None
         self._connections[detector] = name
 
+    def expect(self, site: str, detector: str, address: Address | None) -> None:
+        """As ``connect``; where nobody can be reached there, the way counts as down until the next call."""
+        try:
+            if address is not None:
+                self.connect(site, detector, address)
+                return
+        except (OSError, ProtocolError) as error:
+            self._on_lost(site, detector, str(error))
+        self._connections.pop(detector, None)
+
     def is_up(self, site: str, detector: str) -> bool:
         """Whether the connection is neither broken nor silent."""
-        return self.senders[site].is_up(self._connections[detector])
+        name = self._connections.get(detector)
+        return name is not None and self.senders[site].is_up(name)
 
     def backlog_s(self, site: str, now_s: float) -> float:
         """Seconds that the site's link is behind, at the rate that was measured."""
@@ -105,7 +116,7 @@ class RadioLink:
         until_s = self._clock.monotonic_s() + (
             self._params.end_s if isinstance(message, EndOfStream) else 0.0
         )
-        while True:
+        while detector in self._connections:
             left_s = max(0.0, until_s - self._clock.monotonic_s())
             try:
                 return self.senders[site].send(self._connections[detector], message, timeout_s=left_s)
@@ -113,6 +124,7 @@ class RadioLink:
                 if left_s <= 0.0:
                     return False
                 self._clock.sleep(min(left_s, self._params.link.backoff.first_s))
+        return False
 
     def take_restarts(self) -> Collection[str]:
         """Detectors whose next packet must stand alone; each is told once."""

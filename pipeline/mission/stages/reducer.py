@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import bisect
 from collections import Counter, defaultdict
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
+from pipeline.allocation.plan import Assignment, assignment_from_json
 from pipeline.fusion.fuser import Fuser
 from pipeline.fusion.sequencer import Sequencer
 from pipeline.logs import Log
@@ -19,6 +20,13 @@ LATENCY_BUCKETS_S = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.
 
 _LOG = Log("fusion")
 _LATE = "late, applied out of its place"
+
+
+Learn = Callable[[Fuser, Assignment, int], None]
+
+
+def nothing_to_learn(fuser: Fuser, assignment: Assignment, epoch: int) -> None:
+    """Every substream is worth what its detector is."""
 
 
 @dataclass
@@ -35,11 +43,21 @@ class HopHistogram:
 
 
 class ReducerStage:
-    """Owns the map. received, processed, dropped: frame indices per (stream, detector). begun_with: substreams that it
-    was made for; others may be opened. drops: how many of ``dropped``, by reason. tallies: frames by stream, each once.
+    """Owns the map. received, processed, dropped: frame indices per (stream, detector).
+
+    begun_with: substreams that it was made for. opened: what was opened later, assignments as JSON by substream and
+    epoch. closed: why a substream was closed before its end, by (stream, detector). drops: how many of
+    ``dropped``, by reason. tallies: frames by stream, each once.
     """
 
-    def __init__(self, fuser: Fuser, sequencer: Sequencer, substreams: Iterable[tuple[str, str]]) -> None:
+    def __init__(
+        self,
+        fuser: Fuser,
+        sequencer: Sequencer,
+        substreams: Iterable[tuple[str, str]],
+        learn: Learn = nothing_to_learn,
+    ) -> None:
+        """learn(fuser, assignment, epoch): tell the fuser what a substream that is opened later is worth."""
         self.fuser = fuser
         self.received: dict[tuple[str, str], set[int]] = {}
         self.processed: dict[tuple[str, str], set[int]] = {}
@@ -48,7 +66,9 @@ class ReducerStage:
         self.tallies: defaultdict[str, FrameTally] = defaultdict(FrameTally)
         self.detections: Counter[tuple[str, str]] = Counter()
         self.hops: dict[tuple[str, str], dict[str, HopHistogram]] = {}
-        self.sequencer = sequencer
+        self.sequencer, self._learn = sequencer, learn
+        self.closed: dict[tuple[str, str], str] = {}
+        self.opened: dict[tuple[str, str, int], str] = {}
         self.begun_with = tuple(sorted(substreams))
         for key in self.begun_with:
             self._account_for(*key)
@@ -58,15 +78,25 @@ class ReducerStage:
         """Substreams whose end has not come: stream, detector, epoch."""
         return self.sequencer.open
 
-    def open_again(self, stream: str, detector: str, epoch: int) -> None:
-        """Take results of a substream from now on."""
+    def open_again(self, stream: str, detector: str, epoch: int, assignment: str = "") -> None:
+        """Take results of a substream from now on. assignment: as JSON, see ``assignment_to_json``; if it is empty the
+        substream is worth what its detector is.
+        """
+        self.learn({(stream, detector, epoch): assignment} if assignment else {})
         self._account_for(stream, detector)
         self.sequencer.open_again(stream, detector, epoch)
         _LOG.event("substream begins", stream=stream, detector=detector, epoch=epoch, open=len(self.open))
 
+    def learn(self, opened: Mapping[tuple[str, str, int], str]) -> None:
+        """What substreams are worth that were opened later: assignments as JSON."""
+        self.opened |= opened
+        for (_, _, epoch), assignment in opened.items():
+            self._learn(self.fuser, assignment_from_json(assignment), epoch)
+
     def close(self, stream: str, detector: str, epoch: int, reason: str) -> None:
         """Wait no longer for the end of a substream."""
         self._apply(self.sequencer.close(stream, detector, epoch))
+        self.closed[stream, detector] = reason
         _LOG.event("substream closed", stream=stream, detector=detector, epoch=epoch, reason=reason)
 
     def _account_for(self, stream: str, detector: str) -> None:
@@ -90,7 +120,8 @@ class ReducerStage:
             _LOG.event("substream ends", stream=message.stream, detector=message.detector, open=open_)
 
     def finish(self) -> None:
-        """Apply what is still held back."""
+        """Apply what is still held back; nothing is opened any more."""
+        self._learn = nothing_to_learn
         self._apply(self.sequencer.finish())
         fuser = self.fuser
         _LOG.event("map finished", sightings=len(fuser.looks), refused=fuser.refused, unplaced=fuser.unplaced)

@@ -162,7 +162,10 @@ class SourceStage:
         """
         left = [opened for opened in self._epoch.substreams if opened.key not in epoch.keys]
         kept = self._epoch.keys & epoch.keys
-        untold = self._tell_end(left, now_s)
+        # a switch waits for nobody: where the way is broken or full, the end is not told
+        ready = [o for o in left if self._why_not(o.assignment, now_s, 0.0) is None]
+        untold = self._tell_end(ready, now_s)
+        untold += [f"{o.assignment.detector} at {o.assignment.site}" for o in left if o not in ready]
         self._epoch = replace(epoch, substreams=tuple(o for o in epoch.substreams if o.key in kept))
         self._begin(o for o in epoch.substreams if o.key not in kept)
         self._epoch = epoch

@@ -1,0 +1,313 @@
+"""A run in real time: the mission controller says what everybody does, and what is lost is replaced.
+
+Every actor is asked again and again, each by itself, so that one that is silent holds up no other. What they say goes
+to the scheduler, which hosts the controller; what that orders is passed on. Nobody's answer is waited for, but the
+scheduler's, and that not long: a scheduler that is lost is started again and plays the log of the one before.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from actors.calls import get, kill, remote, remote_here
+from actors.machine import MachineActor
+from actors.metrics import RunCollector, Snapshot
+from actors.reducer import ReducerActor
+from actors.scheduler import SchedulerActor
+from actors.source import SourceActor
+from actors.wiring import START_DELAY_S, Wiring
+from pipeline.allocation.plan import Assignment, Plan
+from pipeline.errors import RunFailedError, SearchlightError, in_one_line
+from pipeline.logs import Log
+from pipeline.mission.clocks import pacing_offsets_s
+from pipeline.mission.controller.events import Event, Gone
+from pipeline.mission.controller.orders import Expect, Finish, Order, Restart, Run, Say, Send
+from pipeline.mission.controller.recorded import Recorded
+from pipeline.mission.controller.state import REDUCER, machine_actor, source_actor
+from pipeline.mission.ledger import with_heard
+from pipeline.mission.local import FinishedRun, source_params
+from pipeline.mission.run_journal import RunJournal
+from pipeline.mission.stages.radio_link import RadioParams
+from pipeline.mission.stages.source import StreamInput
+from pipeline.outputs.timeline import TimelineEntry
+
+_LOG = Log("actors")
+
+
+@dataclass(frozen=True)
+class LiveParams:
+    """Seconds. poll_s: between an actor's answer and the next question. round_s: between two rounds of the supervisor.
+    scheduler_s: a scheduler that does not answer for so long is started again. first_s: so long the first plan may take
+    until all of it is ready. end_s: how long a source waits for what is on its way when its stream ends.
+    """
+
+    poll_s: float = 0.25
+    round_s: float = 0.05
+    scheduler_s: float = 3.0
+    first_s: float = 90.0
+    end_s: float = 4.0
+
+
+@dataclass
+class _Peer:
+    """One actor. asked: the question that is not answered yet. address: where it listens, once that is known."""
+
+    handle: Any
+    incarnation: int
+    asked: Any = None
+    due_s: float = 0.0
+    address: Any = None
+    reached: tuple[str, int] | None = None
+    status: Any = None
+
+
+@dataclass
+class _Record:
+    """What the controller has taken and ordered, and what was run for it."""
+
+    log: list[Recorded] = field(default_factory=list)
+    timeline: list[TimelineEntry] = field(default_factory=list)
+    ran: dict[tuple[str, str], Assignment] = field(default_factory=dict)
+
+
+class LiveWiring(Wiring):
+    """Creates the actors of one run in real time, and keeps them going."""
+
+    params = LiveParams()
+
+    def _start(self, plan: Plan, journal: RunJournal) -> None:
+        self._plan, self._journal, self._record = plan, journal, _Record()
+        self._peers: dict[str, _Peer] = {}
+        self._all_planned, self._told_s = False, 0.0
+        self._finish_ordered = False
+        self._begun_s = time.monotonic()
+        self._scheduler = self._new_scheduler()
+        self._begin_reducer(0)
+        reducer = self._peers[REDUCER]
+        reducer.reached = get(reducer.address, "the reducer")
+        for machine in self._prepared.problem.machines:
+            self._begin_machine(machine.id, machine.site, 0)
+        for stream in self._prepared.streams:
+            self._begin_source(stream, 0)
+        self._until_first_epochs()
+        self._start_s = time.time() + START_DELAY_S
+        self._started = time.monotonic()
+        for stream in self._prepared.streams:
+            self._let_go(stream)
+
+    # --- actors
+
+    def _new_scheduler(self) -> Any:
+        scheduler = remote(SchedulerActor, None).remote(self._prepared)
+        scheduler.begin.remote(self._plan, self._begun_s, tuple(self._record.log))
+        return scheduler
+
+    def _begin_reducer(self, incarnation: int) -> None:
+        handle = remote_here(ReducerActor).remote(
+            self._prepared, self._plan, self._host, self._token, True, self._journal
+        )
+        self._reducer = handle
+        self._peers[REDUCER] = _Peer(handle, incarnation, address=handle.address.remote())
+
+    def _begin_machine(self, name: str, site: str, incarnation: int) -> None:
+        codec = self._prepared.mission.processing.codec
+        handle = remote(MachineActor, site).remote(name, self._host, self._token, codec)
+        with_model = {d.id: d for d in self._prepared.pool.detectors if d.model is not None}
+        reducer, layers = self._peers[REDUCER].reached, self._prepared.layers
+        address = handle.begin.remote(with_model, reducer, layers, incarnation)
+        self._machines[name] = handle
+        self._peers[machine_actor(name)] = _Peer(handle, incarnation, address=address)
+
+    def _begin_source(self, stream: StreamInput, incarnation: int) -> None:
+        links = {
+            site: bps
+            for (name, site), bps in self._prepared.problem.link_bps.items()
+            if name == stream.stream and bps > 0.0
+        }
+        handle = remote(SourceActor, stream.site).remote(
+            stream,
+            (),
+            links,
+            self._token,
+            source_params(self._prepared),
+            RadioParams(end_s=self.params.end_s),
+        )
+        self._sources[stream.stream] = handle
+        self._peers[source_actor(stream.stream)] = _Peer(handle, incarnation)
+
+    def _let_go(self, stream: StreamInput) -> None:
+        """Let a source film: from its start, or for a new one from where the drone is by now."""
+        streams = self._prepared.streams
+        offsets_s = pacing_offsets_s(
+            [s.start_ns for s in streams], [s.end_s - s.video.start_s for s in streams]
+        )
+        offset_s = dict(zip((s.stream for s in streams), offsets_s, strict=True))[stream.stream]
+        self._sources[stream.stream].start.remote({}, "realtime", self._start_s + offset_s)
+
+    # --- what they say
+
+    def _until_first_epochs(self) -> None:
+        """Until every stream has its first epoch, or is known to have none."""
+        until_s = time.monotonic() + self.params.first_s
+        while self._stop.reason is None:
+            self._round()
+            if self._all_planned:
+                return
+            if time.monotonic() > until_s:
+                raise RunFailedError(f"no stream could be looked at within {self.params.first_s:g} s")
+
+    def _supervise(self, progress: Callable[[str, int, int], None], collector: RunCollector) -> None:
+        """Until the streams have ended, or somebody asks to stop."""
+        while self._stop.reason is None and not self._finish_ordered:
+            before = self._snapshot
+            self._round()
+            self._snapshot = self._newest(before)
+            self._log_ends(before, self._snapshot)
+            collector.snapshot = self._snapshot
+            for source in self._snapshot.sources.values():
+                progress(source.stream, source.frames_done, source.frames_total)
+
+    def _newest(self, before: Snapshot) -> Snapshot:
+        def of(kind: str, names: Any) -> dict[str, Any]:
+            said = {name: self._peers[f"{kind}:{name}"].status for name in names}
+            return {name: status for name, status in said.items() if status is not None}
+
+        return replace(
+            before,
+            sources={**before.sources, **of("source", self._sources)},
+            machines={**before.machines, **of("machine", self._machines)},
+            reducer=self._peers[REDUCER].status or before.reducer,
+        )
+
+    def _round(self) -> None:
+        """Ask who is due, hear who has answered, and pass on what follows."""
+        import ray
+
+        now = time.monotonic()
+        for actor, peer in self._peers.items():
+            if peer.asked is None and now >= peer.due_s:
+                peer.asked = self._question(actor, peer)
+        asked = {peer.asked: actor for actor, peer in self._peers.items() if peer.asked is not None}
+        answered, _ = ray.wait(list(asked), num_returns=len(asked), timeout=self.params.round_s)
+        events = [event for ref in answered for event in self._heard(asked[ref], ref)]
+        if len(answered) == len(asked):  # else it has waited for the others already
+            time.sleep(self.params.round_s)
+        self._tell(events)
+
+    def _question(self, actor: str, peer: _Peer) -> Any:
+        if actor.startswith("machine:"):
+            status = self._peers[REDUCER].status
+            return peer.handle.report.remote(() if status is None else status.acknowledged)
+        return peer.handle.report.remote(peer.incarnation)
+
+    def _heard(self, actor: str, ref: Any) -> list[Event]:
+        """An actor's report, or that it is gone."""
+        peer = self._peers[actor]
+        peer.asked, peer.due_s = None, time.monotonic() + self.params.poll_s
+        try:
+            report, peer.status = get(ref, actor)
+            if peer.reached is None and peer.address is not None:
+                peer.reached = get(peer.address, actor, 5.0)
+                if actor == REDUCER:
+                    self._tell_machines_the_reducer(peer.reached)
+        except SearchlightError as error:
+            peer.due_s = float("inf")
+            return [Gone(actor, peer.incarnation, in_one_line(error))]
+        if (actor != REDUCER and actor.startswith("machine:")) or peer.status.error is None:
+            event: Event = report
+            return [event]
+        peer.due_s = float("inf")
+        return [Gone(actor, peer.incarnation, in_one_line(peer.status.error))]
+
+    def _tell_machines_the_reducer(self, address: tuple[str, int] | None) -> None:
+        for machine in self._machines.values():
+            machine.results_to.remote(address)
+
+    # --- what the controller wants
+
+    def _tell(self, events: list[Event]) -> None:
+        now = time.monotonic()
+        if not events and now - self._told_s < self.params.poll_s:
+            return
+        self._told_s = now
+        try:
+            recorded, self._all_planned = get(
+                self._scheduler.hear.remote(tuple(events), now), "the scheduler", self.params.scheduler_s
+            )
+        except SearchlightError as error:
+            self._note(Say("lost", "scheduler", in_one_line(error)))
+            kill(self._scheduler)
+            self._scheduler = self._new_scheduler()
+            return
+        self._record.log += recorded
+        for step in recorded:
+            for order in step.orders:
+                with suppress(KeyError):  # of an actor that is being replaced: it comes again
+                    self._carry_out(order)
+
+    def _carry_out(self, order: Order) -> None:
+        match order:
+            case Run():
+                for opened in order.substreams:
+                    a = opened.assignment
+                    self._record.ran[a.stream, a.detector] = a
+                self._machines[order.machine].run.remote(order)
+            case Send():
+                machines = {o.machine for o in order.epoch.substreams}
+                addresses = {m: self._peers[machine_actor(m)].reached for m in machines}
+                self._sources[order.epoch.stream].follow.remote(order, addresses)
+            case Expect():
+                self._reducer.expect.remote(order)
+            case Restart():
+                self._restart(order)
+            case Finish():
+                self._finish_ordered = True
+            case Say():
+                self._note(order)
+
+    def _restart(self, order: Restart) -> None:
+        kind, _, name = order.actor.partition(":")
+        kill(self._peers[order.actor].handle)
+        self._note(Say("started again", order.actor))
+        if kind == "machine":
+            site = next(m.site for m in self._prepared.problem.machines if m.id == name)
+            self._begin_machine(name, site, order.incarnation)
+        elif kind == "source":
+            stream = next(s for s in self._prepared.streams if s.stream == name)
+            self._begin_source(stream, order.incarnation)
+            self._let_go(stream)
+        else:
+            self._begin_reducer(order.incarnation)
+
+    def _note(self, say: Say) -> None:
+        if say.what == "up":
+            say = replace(say, detail=f"process {self._peers[say.subject].status.pid}")
+        at_s = round(time.monotonic() - self._begun_s, 3)
+        self._record.timeline.append(TimelineEntry(at_s, say.what, say.subject, say.detail))
+        _LOG.event(say.what, subject=say.subject, detail=say.detail)
+
+    # --- the end
+
+    def __exit__(self, *_: object) -> None:
+        if hasattr(self, "_scheduler"):
+            kill(self._scheduler)
+        super().__exit__()
+
+    def _result(self, plan: Plan) -> FinishedRun:
+        return self._with_record(super()._result(plan))
+
+    def _ended_early(self, plan: Plan, journal: RunJournal, error: SearchlightError | None) -> FinishedRun:
+        return self._with_record(super()._ended_early(plan, journal, error))
+
+    def _with_record(self, run: FinishedRun) -> FinishedRun:
+        record = self._record
+        # what was made ready but never used is not known to the reducer
+        ran = tuple(a for key, a in record.ran.items() if key in run.reducer.processed)
+        again = {name for name in self._sources if self._peers[source_actor(name)].incarnation > 0}
+        counts = {n: with_heard(n, c, run.reducer) if n in again else c for n, c in run.counts.items()}
+        timeline, log = tuple(record.timeline), tuple(record.log)
+        return replace(run, counts=counts, ran=ran, timeline=timeline, log=log)

@@ -1,0 +1,81 @@
+"""The scheduler hosts the controller: a new one that plays the log of the one before goes on where that was."""
+
+from __future__ import annotations
+
+import time
+from types import SimpleNamespace
+
+import numpy as np
+
+from actors.scheduler import SchedulerActor
+from pipeline.allocation.plan import Plan
+from pipeline.mission.controller.events import Gone, MachineReport, NotSolved, ReducerReport, SourceReport
+from pipeline.mission.controller.orders import Run, Solve
+from tests.rehearsals import draw_problem, quick_plan
+
+
+def _scheduler():
+    problem = draw_problem(np.random.default_rng(4))
+    solved = quick_plan(Solve(1, problem, ()))[-1]
+    plan = Plan("optimal", 0.0, 0.0, 0.0, problem.cycle, solved.assignments, 0.0, 0, 0)
+    scheduler = SchedulerActor(SimpleNamespace(problem=problem))
+    scheduler.begin(plan, 0.0)
+    return scheduler, problem, plan
+
+
+def _all_up(problem):
+    return [
+        *(MachineReport(m.id, 0) for m in problem.machines),
+        *(SourceReport(v, 0, -1) for v in problem.streams),
+        ReducerReport(0),
+    ]
+
+
+def _heard(scheduler, events, now_s):
+    recorded, _ = scheduler.hear(events, now_s)
+    return list(recorded)
+
+
+def _until(scheduler, log, kind, now_s):
+    """Hear nothing until an order of a kind comes: the solver works in a thread."""
+    for _ in range(400):
+        log += _heard(scheduler, (), now_s)
+        found = [o for r in log for o in r.orders if isinstance(o, kind)]
+        if found:
+            return found
+        time.sleep(0.05)
+    raise AssertionError(f"no {kind.__name__}")
+
+
+def test_the_first_plan_is_the_one_that_was_made_for_the_whole_inventory() -> None:
+    scheduler, problem, plan = _scheduler()
+    log = _heard(scheduler, _all_up(problem), 0.1)
+    _until(scheduler, log, Run, 0.2)
+    time.sleep(0.2)
+    log += _heard(scheduler, (), 0.3)
+    held = {
+        o.assignment for r in log for order in r.orders if isinstance(order, Run) for o in order.substreams
+    }
+    assert held == set(plan.assignments)
+
+
+def test_a_new_scheduler_orders_what_the_one_before_would_have_ordered() -> None:
+    scheduler, problem, plan = _scheduler()
+    log = _heard(scheduler, _all_up(problem), 0.1)
+    _until(scheduler, log, Run, 0.2)
+    again, _, _ = _scheduler()
+    again.begin(plan, 0.0, log)
+    assert again._state == scheduler._state
+
+
+def test_a_question_whose_answer_died_with_the_scheduler_is_asked_again() -> None:
+    scheduler, problem, plan = _scheduler()
+    log = _heard(scheduler, _all_up(problem), 0.1)
+    asked = [o for r in log for o in r.orders if isinstance(o, Solve)]
+    assert len(asked) == 1
+    again, _, _ = _scheduler()
+    again.begin(plan, 0.0, log)
+    log = _heard(again, (), 0.2)
+    assert any(isinstance(r.event, NotSolved) for r in log)
+    log = _heard(again, [Gone("nobody", 0, "")], 2.0)
+    assert [o.request for r in log for o in r.orders if isinstance(o, Solve)] == [2]
