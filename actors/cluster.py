@@ -10,7 +10,7 @@ import signal
 import tempfile
 import threading
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -52,6 +52,7 @@ def cluster(address: str | None, sites: Iterable[str], stop: Stop | None = None)
         raise InputError(
             "--address", f"{address} ({str(error).splitlines()[0]})", "the address of a running Ray cluster"
         ) from None
+    _silence()
     retake_signals()
     try:
         require_sites(sites, ray.cluster_resources(), address)  # type: ignore[no-untyped-call]
@@ -89,6 +90,7 @@ def _local(sites: tuple[str, ...], stop: Stop) -> Iterator[str]:
             # on a machine that is busy beyond measure Ray gives up waiting for its own parts
             reason = str(error).splitlines()[0] if str(error) else type(error).__name__
             raise RunFailedError(f"Ray did not start ({reason}); try again, or run with --local") from None
+        _silence()
         with swept(Path(folder)):
             yield "127.0.0.1"
     finally:
@@ -96,6 +98,14 @@ def _local(sites: tuple[str, ...], stop: Stop) -> Iterator[str]:
         if (stop.reason or "").startswith("failed"):
             _keep_what_ray_says(Path(folder))
         shutil.rmtree(folder, ignore_errors=True)
+
+
+def _silence() -> None:
+    """Ray prints to the terminal who has died, in its own words. We say it in ours; its files keep what it says."""
+    with suppress(ImportError, AttributeError):  # of Ray's own rooms: where they change, it prints again
+        from ray._private import worker
+
+        worker._worker_logs_enabled = False
 
 
 def _variables() -> dict[str, str]:

@@ -65,6 +65,7 @@ class LiveRun:
         """Its summary, once it has ended well."""
         said, _ = self._process.communicate(timeout=240)
         assert self._process.returncode == 0, said
+        assert "(raylet)" not in said, "who died is said in our words"
         return dict(json.loads((self.out / "summary.json").read_text(encoding="utf-8")))
 
 

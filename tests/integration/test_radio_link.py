@@ -25,6 +25,8 @@ from pipeline.ingest.video.recordings import open_recordings
 from pipeline.link.codec import Decoder
 from pipeline.link.receiver import Receiver
 from pipeline.messages import Dropped, EndOfStream, Message, Packet
+from pipeline.mission.controller.orders import Send
+from pipeline.mission.controller.substreams import Opened, PlanEpoch
 from pipeline.mission.stages.inbox import Inbox, InboxParams
 from pipeline.mission.stages.radio_link import RadioLink
 from pipeline.mission.stages.source import SourceParams, SourceStage, StreamInput
@@ -221,8 +223,10 @@ def test_a_wall_clock_that_jumps_moves_nothing_but_stamps(
     got: list[tuple[float, Message]] = []
     receiver = far_end(lambda message: got.append((time.monotonic() - begin_s, message)))
     patient = SourceParams(max_backlog_s=4.0)  # a busy machine is late by less, the jump by more
-    actor = SourceActor(stream, (assignment("a"),), {"site": 4e6}, TOKEN, patient, clock=Clock(utc_ns=utc_ns))
-    actor.start({"a": receiver.address}, "realtime", begin_ns * 1e-9 + 0.5)
+    actor = SourceActor(stream, (), {"site": 4e6}, TOKEN, patient, clock=Clock(utc_ns=utc_ns))
+    first = assignment("a")
+    actor.follow(Send(PlanEpoch(stream.stream, 0, (Opened(0, first),))), {first.machine: receiver.address})
+    actor.start({}, "realtime", begin_ns * 1e-9 + 0.5)
     while not (status := actor.status()).finished and status.error is None:
         time.sleep(0.05)
     assert status.error is None
