@@ -80,10 +80,12 @@ def logged_run(out: Path) -> Iterator[None]:
         absolute.with_name(f"{absolute.name}.failed-run.log"),
     )
     _take_over(temporary, absolute)
-    handler = _RunFile(temporary, encoding="utf-8")
-    handler.setFormatter(_JsonLines())
-    _ROOT.addHandler(handler)
+    handler: _RunFile | None = None
     try:
+        # within, so that a signal at this very moment leaves no file
+        handler = _RunFile(temporary, encoding="utf-8")
+        handler.setFormatter(_JsonLines())
+        _ROOT.addHandler(handler)
         with swept(temporary):
             yield
         kept.unlink(missing_ok=True)
@@ -91,12 +93,14 @@ def logged_run(out: Path) -> Iterator[None]:
         raise
     except BaseException as error:
         Log("mission").warning("run failed", error=f"{type(error).__name__}: {error}")
-        handler.flush()
-        temporary.replace(kept)
+        if handler is not None:
+            handler.flush()
+            temporary.replace(kept)
         raise
     finally:
-        _ROOT.removeHandler(handler)
-        handler.close()
+        if handler is not None:
+            _ROOT.removeHandler(handler)
+            handler.close()
         temporary.unlink(missing_ok=True)
 
 

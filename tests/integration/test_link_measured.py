@@ -67,7 +67,9 @@ def offer(sender: LinkSender, seconds: float, bps: float = OFFERED_BPS) -> None:
             sender.send("ground", packet(index, round(bps / FRAME_HZ / 8)), timeout_s=0)
 
 
-@pytest.mark.parametrize("real_bps", [3e6, 1e6, 0.5e6])
+@pytest.mark.parametrize(
+    "real_bps", [pytest.param(3e6, marks=pytest.mark.slow), 1e6, pytest.param(0.5e6, marks=pytest.mark.slow)]
+)
 def test_declared_6_offered_4_the_estimate_is_the_real_rate_2_s_after_the_change_both_ways(
     ends, real_bps: float
 ) -> None:  # type: ignore[no-untyped-def]

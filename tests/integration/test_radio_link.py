@@ -85,7 +85,7 @@ def far_end() -> Iterator[Callable[[Callable[[Message], None]], Receiver]]:
         receiver.close()
 
 
-@pytest.mark.parametrize("scale", [1.0, 0.15])
+@pytest.mark.parametrize("scale", [pytest.param(1.0, marks=pytest.mark.slow), 0.15])
 def test_real_and_virtual_link_send_and_drop_the_same_of_one_plan(
     stream: StreamInput,
     far_end,  # type: ignore[no-untyped-def]
@@ -209,7 +209,7 @@ def test_a_cut_link_is_made_again_and_every_frame_is_accounted_for(stream: Strea
     assert isinstance(got[-1], EndOfStream)
 
 
-@pytest.mark.parametrize("step_s", [5.0, -5.0])
+@pytest.mark.parametrize("step_s", [5.0, pytest.param(-5.0, marks=pytest.mark.slow)])
 def test_a_wall_clock_that_jumps_moves_nothing_but_stamps(
     stream: StreamInput, far_end, step_s: float
 ) -> None:  # type: ignore[no-untyped-def]

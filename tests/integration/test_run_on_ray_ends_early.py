@@ -80,7 +80,7 @@ def test_a_second_signal_leaves_no_process_and_no_folder(small_mission: Path, tm
 @pytest.mark.parametrize(
     ("actor", "says"),
     [
-        ("ReducerActor", "the reducer died"),
+        pytest.param("ReducerActor", "the reducer died", marks=pytest.mark.slow),
         pytest.param("SourceActor", "the source of drone-", marks=pytest.mark.slow),
         pytest.param("MachineActor", "machine ", marks=pytest.mark.slow),
     ],

@@ -347,3 +347,12 @@ def test_an_order_is_given_again_until_it_is_followed_and_then_no_more() -> None
     for _ in range(12):
         quiet += mission.tell(MachineReport("a", 0, keys, keys), 0.1)
     assert not [o for o in quiet if isinstance(o, Run)]
+
+
+def test_nothing_is_sent_to_the_dead_though_what_is_wanted_instead_is_not_ready_yet() -> None:
+    mission = Mission(problem(), (assignment(),))
+    mission.ask()
+    mission.tell(Solved(mission.state.requests, (assignment(machine="b"),)))
+    assert [o.assignment.machine for o in mission.followed()] == ["a"], "b is still loading"
+    mission.tell(Gone("machine:a", 0, "killed"))
+    assert mission.followed() == ()

@@ -22,7 +22,7 @@ from pipeline.mission.solving import answers
 from tests.rehearsals import LAWS, broken_laws, quick_plan, rehearsed, restless_plan
 
 #: of the seeds by which a safeguard that is taken away has to be found out
-MUTANT_SEEDS = (85, 89, 97, 157, 217, *range(40))
+MUTANT_SEEDS = (45, 63, 85, 97, 116, *range(42))
 ROUGH = NetworkParams(delay_s=(0.001, 0.6), loss=0.1)
 SLOW = NetworkParams(delay_s=(0.001, 2.0), loss=0.1)
 #: the end of a process is noticed late, and the solver takes its time
@@ -105,7 +105,6 @@ SAFEGUARDS = {
         "ready_substreams",
         lambda state: frozenset(state.known),
     ),
-    "what the dead held is not sent to": (switching, "_lives", lambda state, opened: True),
     "a machine's memory is kept": (holding, "_fits", lambda *_: True),
     "substreams of a lost machine are closed": (losses, "without", lambda state, keys, reason: state),
     "a detector that broke is planned for again": (reports, "without", lambda state, keys, reason: state),
