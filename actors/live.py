@@ -19,7 +19,7 @@ from actors.metrics import RunCollector, Snapshot
 from actors.reducer import ReducerActor
 from actors.scheduler import SchedulerActor
 from actors.source import SourceActor
-from actors.wiring import START_DELAY_S, Wiring
+from actors.wiring import Wiring
 from pipeline.allocation.plan import Assignment, Plan
 from pipeline.errors import RunFailedError, SearchlightError, in_one_line
 from pipeline.logs import Log
@@ -42,13 +42,15 @@ _LOG = Log("actors")
 class LiveParams:
     """Seconds. poll_s: between an actor's answer and the next question. round_s: between two rounds of the supervisor.
     scheduler_s: a scheduler that does not answer for so long is started again. first_s: so long the first plan may take
-    until all of it is ready. end_s: how long a source waits for what is on its way when its stream ends.
+    until all of it is ready. delay_s: the drones begin so long after that. end_s: how long a source waits for what is
+    on its way when its stream ends.
     """
 
     poll_s: float = 0.25
     round_s: float = 0.05
     scheduler_s: float = 3.0
     first_s: float = 90.0
+    delay_s: float = 1.0
     end_s: float = 4.0
 
 
@@ -79,13 +81,19 @@ class LiveWiring(Wiring):
 
     params = LiveParams()
 
+    def plan(self) -> Plan:
+        """The optimal plan, by the scheduler that goes on to host the controller."""
+        self._scheduler = remote(SchedulerActor, None).remote(self._prepared)
+        plan: Plan = get(self._scheduler.plan.remote(), "the scheduler")
+        return plan
+
     def _start(self, plan: Plan, journal: RunJournal) -> None:
         self._plan, self._journal, self._record = plan, journal, _Record()
         self._peers: dict[str, _Peer] = {}
         self._all_planned, self._told_s = False, 0.0
         self._finish_ordered = False
         self._begun_s = time.monotonic()
-        self._scheduler = self._new_scheduler()
+        self._begin_scheduler()
         self._begin_reducer(0)
         reducer = self._peers[REDUCER]
         reducer.reached = get(reducer.address, "the reducer")
@@ -94,17 +102,15 @@ class LiveWiring(Wiring):
         for stream in self._prepared.streams:
             self._begin_source(stream, 0)
         self._until_first_epochs()
-        self._start_s = time.time() + START_DELAY_S
+        self._start_s = time.time() + self.params.delay_s
         self._started = time.monotonic()
         for stream in self._prepared.streams:
             self._let_go(stream)
 
     # --- actors
 
-    def _new_scheduler(self) -> Any:
-        scheduler = remote(SchedulerActor, None).remote(self._prepared)
-        scheduler.begin.remote(self._plan, self._begun_s, tuple(self._record.log))
-        return scheduler
+    def _begin_scheduler(self) -> None:
+        self._scheduler.begin.remote(self._plan, self._begun_s, tuple(self._record.log))
 
     def _begin_reducer(self, incarnation: int) -> None:
         handle = remote_here(ReducerActor).remote(
@@ -146,7 +152,7 @@ class LiveWiring(Wiring):
             [s.start_ns for s in streams], [s.end_s - s.video.start_s for s in streams]
         )
         offset_s = dict(zip((s.stream for s in streams), offsets_s, strict=True))[stream.stream]
-        self._sources[stream.stream].start.remote({}, "realtime", self._start_s + offset_s)
+        self._sources[stream.stream].film.remote(self._start_s + offset_s)
 
     # --- what they say
 
@@ -217,7 +223,8 @@ class LiveWiring(Wiring):
         except SearchlightError as error:
             peer.due_s = float("inf")
             return [Gone(actor, peer.incarnation, in_one_line(error))]
-        if (actor != REDUCER and actor.startswith("machine:")) or peer.status.error is None:
+        # what broke on a machine is in its report, substream by substream
+        if actor.startswith("machine:") or peer.status.error is None:
             event: Event = report
             return [event]
         peer.due_s = float("inf")
@@ -241,7 +248,8 @@ class LiveWiring(Wiring):
         except SearchlightError as error:
             self._note(Say("lost", "scheduler", in_one_line(error)))
             kill(self._scheduler)
-            self._scheduler = self._new_scheduler()
+            self._scheduler = remote(SchedulerActor, None).remote(self._prepared)
+            self._begin_scheduler()
             return
         self._record.log += recorded
         for step in recorded:
@@ -309,5 +317,4 @@ class LiveWiring(Wiring):
         ran = tuple(a for key, a in record.ran.items() if key in run.reducer.processed)
         again = {name for name in self._sources if self._peers[source_actor(name)].incarnation > 0}
         counts = {n: with_heard(n, c, run.reducer) if n in again else c for n, c in run.counts.items()}
-        timeline, log = tuple(record.timeline), tuple(record.log)
-        return replace(run, counts=counts, ran=ran, timeline=timeline, log=log)
+        return replace(run, counts=counts, ran=ran, timeline=tuple(record.timeline))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from pipeline.allocation.plan import Assignment
@@ -83,28 +83,37 @@ class MachineActor:
         assignments: tuple[Assignment, ...],
         detectors: Mapping[str, PoolDetector],
         reducer: Address,
-        realtime: bool,
         layers: Mapping[str, int] = PERSONS,
     ) -> Address:
-        """Load the pool's detectors, begin to listen; the address for the substreams' packets.
+        """Load the pool's detectors and begin to listen (pace max); the address for the substreams' packets.
 
         layers: ids of the map's layers by name.
         """
         self._results.connect(_RESULTS, reducer, self._token)
-        self._stage = MachineStage(
-            self._machine,
-            self._codec,
-            lambda assignment: self._opened(assignment, detectors[assignment.pool_detector], layers),
-            self._answer,
-            self._ask_restart,
-            self._params.inbox,
-            self._clock,
-            drops=realtime,
-        )
+        self._stage = self._new_stage(detectors, layers, self._answer, drops=False)
         self._stage.run(Run(self._machine, tuple(Opened(0, a) for a in assignments)))
         self._stage.wait_ready()
         self._receiver = Receiver(self._host, self._stage.put, token=self._token)
         return self._receiver.address
+
+    def _new_stage(
+        self,
+        detectors: Mapping[str, PoolDetector],
+        layers: Mapping[str, int],
+        answer: Callable[[Message, bool], None],
+        *,
+        drops: bool,
+    ) -> MachineStage:
+        return MachineStage(
+            self._machine,
+            self._codec,
+            lambda assignment: self._opened(assignment, detectors[assignment.pool_detector], layers),
+            answer,
+            self._ask_restart,
+            self._params.inbox,
+            self._clock,
+            drops=drops,
+        )
 
     def _opened(self, assignment: Assignment, detector: PoolDetector, layers: Mapping[str, int]) -> Detector:
         """Raises InputError, with the machine's name, for what cannot be had here, such as CUDA."""
@@ -122,22 +131,13 @@ class MachineActor:
         layers: Mapping[str, int] = PERSONS,
         incarnation: int = 0,
     ) -> Address:
-        """Hold nothing yet, and listen; the address for packets. detectors: of the pool, by id.
+        """Hold nothing yet, and listen (real time); the address for packets. detectors: of the pool, by id.
 
         Results are kept until they are acknowledged: a reducer that is lost is sent them again when it is back.
         """
         self._incarnation = incarnation
         self._kept = KeptResults()
-        self._stage = MachineStage(
-            self._machine,
-            self._codec,
-            lambda assignment: self._opened(assignment, detectors[assignment.pool_detector], layers),
-            self._keep_and_answer,
-            self._ask_restart,
-            self._params.inbox,
-            self._clock,
-            drops=True,
-        )
+        self._stage = self._new_stage(detectors, layers, self._keep_and_answer, drops=True)
         self._receiver = Receiver(self._host, self._stage.put, token=self._token)
         self.results_to(reducer)
         return self._receiver.address
@@ -154,8 +154,7 @@ class MachineActor:
         with self._sending:
             with contextlib.suppress(OSError, ProtocolError):  # it is gone again: the next address will come
                 self._results.connect(_RESULTS, reducer, self._token)
-            for result in self._kept.again() if self._kept is not None else ():
-                self._try_to_send(result)
+            self._send_again()
 
     def report(self, safe: Sequence[Acknowledgement] = ()) -> tuple[MachineReport, MachineStatus]:
         """What it holds, and a snapshot. safe: what the reducer has on its disk."""
@@ -174,8 +173,12 @@ class MachineActor:
         elif oldest is not None and now_s - self._stuck[1] > self._params.resend_s:
             self._stuck = oldest, now_s
             with self._sending:
-                for result in self._kept.again():
-                    self._try_to_send(result)
+                self._send_again()
+
+    def _send_again(self) -> None:
+        assert self._kept is not None
+        for result in self._kept.again():
+            self._try_to_send(result)
 
     def _keep_and_answer(self, result: Message, urgent: bool) -> None:
         assert self._kept is not None
@@ -202,8 +205,8 @@ class MachineActor:
             self._receiver.want_restart(stream, detector)
 
     def _answer(self, result: Message, urgent: bool) -> None:
-        """urgent: on a thread that waits for nobody."""
-        limit_s = 0.0 if urgent else self._params.stalled_s
+        """urgent: never here, since at pace max no inbox drops."""
+        limit_s = self._params.stalled_s
         try:
             if self._results.send(_RESULTS, result, limit_s):
                 return

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
 import os
 import threading
@@ -96,19 +95,16 @@ class SourceActor:
         self._order: tuple[Send, dict[str, Address]] | None = None
         self._known: dict[tuple[str, int], Acknowledgement] = {}
 
-    def start(
-        self,
-        addresses: Mapping[str, Address],
-        pace: Pace,
-        start_time_s: float,
-        known: Sequence[Acknowledgement] = (),
-    ) -> None:
-        """Begin to send. addresses: by detector. start_time_s: UTC, when the first frame is due. known: what the
-        reducer holds already, which is encoded again but not sent.
+    def start(self, addresses: Mapping[str, Address], known: Sequence[Acknowledgement] = ()) -> None:
+        """Send all as fast as it is taken (pace max). addresses: by detector. known: what the reducer holds already,
+        which is encoded again but not sent.
         """
         self._known = {(a.detector, a.epoch): a for a in known if a.stream == self._stream.stream}
-        run = self._run_realtime if pace == "realtime" else self._run_max
-        threading.Thread(target=self._guard, args=(run, addresses, start_time_s), daemon=True).start()
+        self._begin(lambda: self._run_max(addresses))
+
+    def film(self, start_time_s: float) -> None:
+        """Send each frame when it is due (real time), to whom ``follow`` says. start_time_s: UTC, of the first one."""
+        self._begin(lambda: self._run_realtime(start_time_s))
 
     def stop(self, flush_s: float) -> None:
         """Take no further frame; what was taken is sent, at most for so long. The stream does not count as ended."""
@@ -137,14 +133,12 @@ class SourceActor:
         """What became of every frame, as the source knows it; call it when it is finished."""
         return self._stage.count if self._stage else SourceCount()
 
-    def _guard(
-        self,
-        run: Callable[[Mapping[str, Address], float], None],
-        addresses: Mapping[str, Address],
-        start_time_s: float,
-    ) -> None:
+    def _begin(self, run: Callable[[], None]) -> None:
+        threading.Thread(target=self._guard, args=(run,), daemon=True).start()
+
+    def _guard(self, run: Callable[[], None]) -> None:
         try:
-            run(addresses, start_time_s)
+            run()
             self._finished = True
         except _CutOffError:
             self._cut_off = self._finished = True
@@ -173,7 +167,7 @@ class SourceActor:
         ended = self._finished and not self._cut_off
         return SourceReport(self._stream.stream, incarnation, self._followed, tick, ended, measures), status
 
-    def _run_realtime(self, addresses: Mapping[str, Address], start_time_s: float) -> None:
+    def _run_realtime(self, start_time_s: float) -> None:
         link = RadioLink(self._stream.stream, self._bandwidth, self._token, self._radio, self._clock)
         self._link = link
         start_s = self._clock.monotonic_of(start_time_s)
@@ -210,15 +204,20 @@ class SourceActor:
             for opened in send.epoch.substreams:
                 a = opened.assignment
                 link.expect(a.site, a.detector, addresses.get(a.machine))
-            with contextlib.suppress(RunFailedError):  # an end that cannot be told: its machine is lost
-                stage.follow(send.epoch, now_s)
+            self._telling(lambda: stage.follow(send.epoch, now_s))
             self._followed = send.epoch.number
         if send.over:
-            with contextlib.suppress(RunFailedError):
-                stage.end()
+            self._telling(stage.end)
             raise _OverError
 
-    def _run_max(self, addresses: Mapping[str, Address], start_time_s: float) -> None:
+    def _telling(self, act: Callable[[], None]) -> None:
+        """An end that cannot be told is no failure here: the controller closes what is not drained, and counts it."""
+        try:
+            act()
+        except RunFailedError as error:
+            _LOG.warning("end not told", stream=self._stream.stream, error=str(error))
+
+    def _run_max(self, addresses: Mapping[str, Address]) -> None:
         name = f"stream {self._stream.stream}"
         sender = LinkSender(unlimited(), capacity_bytes=self._radio.queue_bytes, name=name)
         for a in self._assignments:

@@ -21,21 +21,18 @@ from pipeline.errors import InputError, SearchlightError, in_one_line
 from pipeline.ingest.finding import Finding
 from pipeline.link.sender import LinkState
 from pipeline.logs import Log
-from pipeline.mission.clocks import pacing_offsets_s
 from pipeline.mission.ledger import count_known_to
 from pipeline.mission.local import FinishedRun, bandwidth, cut_off_at, make_reducer, source_params
 from pipeline.mission.prepared import PreparedMission
 from pipeline.mission.run_journal import RunJournal, journal_findings
 from pipeline.mission.stages.reducer import ReducerStage
-from pipeline.mission.stages.source import StreamInput
+from pipeline.mission.stages.source import SourceCount, StreamInput
 from pipeline.mission.stopping import Stop, nothing_yet
 from pipeline.outputs.partial import CutOff, Partial
 
 _LOG = Log("actors")
 #: how often the actors are asked how they are, seconds
 POLL_S = 0.25
-#: sources begin so long after everybody is ready, seconds (realtime)
-START_DELAY_S = 1.0
 #: at the end of a run that was cut off, an actor that says nothing for so long is dead, or as good as dead, seconds
 _LAST_WORD_S = 3.0
 
@@ -104,9 +101,8 @@ class Wiring:
         return self._result(plan)
 
     def _start(self, plan: Plan, journal: RunJournal) -> None:
-        realtime = self._options.pace == "realtime"
         self._reducer = remote_here(ReducerActor).remote(
-            self._prepared, plan, self._host, self._token, realtime, journal
+            self._prepared, plan, self._host, self._token, False, journal
         )
         codec = self._prepared.mission.processing.codec
         sites = {a.machine: a.site for a in plan.assignments}
@@ -124,18 +120,11 @@ class Wiring:
             )
             for s in self._prepared.streams
         }
-        addresses = self._start_machines(plan, realtime)
+        addresses = self._start_machines(plan)
         known = get(self._reducer.acknowledged.remote(), "the reducer")
-        start_s = time.time() + START_DELAY_S
-        streams = self._prepared.streams
-        offsets_s = pacing_offsets_s(
-            [s.start_ns for s in streams], [s.end_s - s.video.start_s for s in streams]
-        )
         self._started = time.monotonic()
-        for s, offset_s in zip(streams, offsets_s, strict=True):
-            start = self._sources[s.stream].start
-            begun = start.remote(addresses, self._options.pace, start_s + offset_s, known)
-            get(begun, f"the source of {s.stream}")
+        for stream, source in self._sources.items():
+            get(source.start.remote(addresses, known), f"the source of {stream}")
 
     def _supervise(self, progress: Callable[[str, int, int], None], collector: RunCollector) -> None:
         """Until the streams have ended, or somebody asks to stop."""
@@ -149,12 +138,12 @@ class Wiring:
                 return
             time.sleep(POLL_S)
 
-    def _start_machines(self, plan: Plan, realtime: bool) -> dict[str, tuple[str, int]]:
+    def _start_machines(self, plan: Plan) -> dict[str, tuple[str, int]]:
         reducer_address = get(self._reducer.address.remote(), "the reducer")
         given = {m: tuple(a for a in plan.assignments if a.machine == m) for m in self._machines}
         used = {a.pool_detector: self._prepared.runnable(a.pool_detector) for a in plan.assignments}
         started = {
-            m: actor.start.remote(given[m], used, reducer_address, realtime, self._prepared.layers)
+            m: actor.start.remote(given[m], used, reducer_address, self._prepared.layers)
             for m, actor in self._machines.items()
         }
         return {a.detector: get(started[a.machine], f"machine {a.machine}") for a in plan.assignments}
@@ -206,16 +195,7 @@ class Wiring:
             name: get(source.count.remote(), f"the source of {name}")
             for name, source in self._sources.items()
         }
-        return FinishedRun(
-            plan,
-            stage,
-            counts,
-            self._bytes_sent(),
-            seconds,
-            self._options.pace,
-            links=self._links(),
-            findings=findings,
-        )
+        return self._finished(plan, stage, counts, seconds, findings)
 
     def _ended_early(self, plan: Plan, journal: RunJournal, error: SearchlightError | None) -> FinishedRun:
         """What there is when somebody has stopped the run, or a part of it has failed. Raises the error, or
@@ -236,18 +216,20 @@ class Wiring:
                 counts[s.stream] = count_known_to(s.stream, stage)
         cut_off = tuple(self._cut_off(s, stage) for s in self._prepared.streams if not self._at_end(s.stream))
         partial = Partial(str(self._stop.reason), self._stop.at_ns, cut_off)
-        return FinishedRun(
-            plan,
-            stage,
-            counts,
-            self._bytes_sent(),
-            seconds,
-            self._options.pace,
-            links=self._links(),
-            partial=partial,
-            findings=findings,
-            error=error,
-        )
+        finished = self._finished(plan, stage, counts, seconds, findings)
+        return replace(finished, partial=partial, error=error)
+
+    def _finished(
+        self,
+        plan: Plan,
+        stage: ReducerStage,
+        counts: dict[str, SourceCount],
+        seconds: float,
+        findings: tuple[Finding, ...],
+    ) -> FinishedRun:
+        bytes_sent, links = self._bytes_sent(), self._links()
+        pace = self._options.pace
+        return FinishedRun(plan, stage, counts, bytes_sent, seconds, pace, links=links, findings=findings)
 
     def _drain(self) -> None:
         """Tell the sources to stop, and wait for what is on its way, as long as there is time and it gets less."""

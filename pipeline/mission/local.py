@@ -16,7 +16,6 @@ from pipeline.link.codec import Codec
 from pipeline.link.sender import LinkState
 from pipeline.logs import Log
 from pipeline.messages import Message
-from pipeline.mission.controller.recorded import Recorded
 from pipeline.mission.durable_reducer import DurableReducer
 from pipeline.mission.missing import WhatIsMissing
 from pipeline.mission.onto import go_on
@@ -44,7 +43,6 @@ class FinishedRun:
     made; own_detections: sentences about these, see Summary. links: measured, per (stream, site), in real
     time. partial: why and where it ended too early, if it did. findings: what was noticed on the way. error: that
     ended it. ran: what else was run than the plan that it began with. timeline: what happened on the way.
-    log: of the mission controller.
     """
 
     plan: Plan
@@ -60,7 +58,6 @@ class FinishedRun:
     error: SearchlightError | None = None
     ran: tuple[Assignment, ...] = ()
     timeline: tuple[TimelineEntry, ...] = ()
-    log: tuple[Recorded, ...] = ()
 
     @property
     def assignments(self) -> tuple[Assignment, ...]:

@@ -226,7 +226,7 @@ def test_a_wall_clock_that_jumps_moves_nothing_but_stamps(
     actor = SourceActor(stream, (), {"site": 4e6}, TOKEN, patient, clock=Clock(utc_ns=utc_ns))
     first = assignment("a")
     actor.follow(Send(PlanEpoch(stream.stream, 0, (Opened(0, first),))), {first.machine: receiver.address})
-    actor.start({}, "realtime", begin_ns * 1e-9 + 0.5)
+    actor.film(begin_ns * 1e-9 + 0.5)
     while not (status := actor.status()).finished and status.error is None:
         time.sleep(0.05)
     assert status.error is None

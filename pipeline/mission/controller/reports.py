@@ -42,8 +42,8 @@ def _with_failures(state: MissionState, report: MachineReport, said: list[Order]
         failures[detector] = failures.get(detector, 0) + 1
         said.append(Say("detector failed", detector, failed.reason))
     state = without(state, [failed.substream for failed in new], "detector_failed")
-    # the same situation, but not the same substreams: plan once more
-    return replace(state, failures=failures, situation=None), said
+    # the same situation, but not the same substreams: plan once more; what is awaited answers a question of before
+    return replace(state, failures=failures, asked=None, situation=None), said
 
 
 def source_reports(state: MissionState, report: SourceReport, now: float) -> Step:

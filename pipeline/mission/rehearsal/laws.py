@@ -216,10 +216,11 @@ def _followed(rehearsal: Rehearsal, params: LawParams) -> Iterator[str]:
 
 
 def _served(rehearsal: Rehearsal, params: LawParams) -> Iterator[str]:
-    """When all is well again, what can be looked at is looked at."""
+    """When all is well again, what the plan of that moment serves is looked at."""
+    state = rehearsal.noted.states.get(params.quiet_s, rehearsal.scheduler.state)
     rate_hz, ticks = rehearsal.problem.frame_rate_hz, rehearsal.ticks
     first, last = round(params.quiet_s * rate_hz), ticks - round(rate_hz)
-    for name, stream in rehearsal.scheduler.state.streams.items():
+    for name, stream in state.streams.items():
         if stream.unserved is not None or stream.source.life == "lost":
             continue
         of_stream = fates(rehearsal, name)

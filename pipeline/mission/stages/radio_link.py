@@ -96,7 +96,7 @@ class RadioLink:
             if address is not None:
                 self.connect(site, detector, address)
                 return
-        except (OSError, ProtocolError) as error:
+        except RunFailedError as error:
             self._on_lost(site, detector, str(error))
         self._connections.pop(detector, None)
 

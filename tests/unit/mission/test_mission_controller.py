@@ -356,3 +356,16 @@ def test_nothing_is_sent_to_the_dead_though_what_is_wanted_instead_is_not_ready_
     assert [o.assignment.machine for o in mission.followed()] == ["a"], "b is still loading"
     mission.tell(Gone("machine:a", 0, "killed"))
     assert mission.followed() == ()
+
+
+def test_a_detector_that_breaks_while_a_better_plan_is_awaited_is_planned_for_at_once() -> None:
+    mission = Mission(problem(), ())
+    mission.ask()
+    request = mission.state.requests
+    mission.obey(mission.tell(Solved(request, (assignment(),), final=False)))
+    (opened,) = mission.followed()
+    orders = mission.tell(MachineReport("a", 0, failed=(FailedSubstream(opened.key, "crashed"),)))
+    assert [o.request for o in orders if isinstance(o, Solve)] == [request + 1]
+    # the better plan is of before, and would have brought the broken one back
+    mission.tell(Solved(request, (assignment(mbps=2.0),)))
+    assert mission.state.streams["v"].wanted == ()

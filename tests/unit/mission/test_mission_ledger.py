@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from pipeline.errors import InputError
 from pipeline.mission.disk_forecast import ForecastParams, disk_forecast, require_room
 from pipeline.mission.durable_reducer import JournalParams
-from pipeline.mission.ledger import contradictions, stream_account
+from pipeline.mission.ledger import contradictions, stream_account, substream_counts, with_heard
 from pipeline.mission.local import FinishedRun, run_local
 from pipeline.mission.planning import plan
 from pipeline.mission.prepared import PreparedMission, prepare
@@ -120,3 +120,21 @@ def test_a_disk_that_has_less_is_refused_before_anything_is_written(
         with pytest.raises(InputError, match="free on its disk; expected"):
             require_room(forecast, tmp_path / "new" / "run")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_source_that_was_started_again_is_told_what_the_reducer_heard_of_the_one_before(
+    run: FinishedRun,
+) -> None:
+    for stream, count in run.counts.items():
+        first = sorted(count.due)[: len(count.due) // 2]
+        # the next process has passed over these: to it nobody was to see some, and it was late for others
+        due = {i: () if i in first[::2] else detectors for i, detectors in count.due.items()}
+        late = {(i, d): "source_late" for i in first[1::2] for d in count.due[i]}
+        again = other(count, due=due, dropped={**count.dropped, **late})
+        assert contradictions(stream, again, run.reducer)
+        whole = with_heard(stream, again, run.reducer)
+        assert contradictions(stream, whole, run.reducer) == []
+        assert stream_account(stream, whole, run.reducer) == stream_account(stream, count, run.reducer)
+        mine = [a for a in run.plan.assignments if a.stream == stream]
+        expected = substream_counts(mine, run.counts, run.reducer)
+        assert substream_counts(mine, {stream: whole}, run.reducer) == expected

@@ -16,7 +16,7 @@ from actors.machine import MachineActor
 from pipeline.allocation import literal as literal_program
 from pipeline.allocation.build import build_problem
 from pipeline.allocation.decomposed import solve
-from pipeline.allocation.plan import Plan, plan_from_json, plan_to_json
+from pipeline.allocation.plan import Plan, assignment_to_json, plan_from_json, plan_to_json
 from pipeline.config.inventory import Inventory
 from pipeline.config.pool import PoolDetector, load_pool
 from pipeline.config.processing import Processing
@@ -252,3 +252,32 @@ def test_a_machine_opens_its_detectors_with_the_calibration_of_the_plan_s_bitrat
             actor._opened(replace(a, codec=codec), detector, LAYERS)
             expected.append(SCALES[codec or "h265", a.bitrate_bps])
     assert [c.scale for c in seen] == expected
+
+
+def test_a_substream_that_is_opened_later_is_worth_what_it_is_at_its_own_bitrate(prepared, plan, monkeypatch):
+    learned = {}
+
+    class Learns:
+        def __init__(self, *_, **named):
+            assert named["substreams"] is None or not named["substreams"]
+
+        def learn(self, stream, detector, epoch, relative, worth):
+            learned[stream, detector, epoch] = relative, worth
+
+    monkeypatch.setattr(local, "Fuser", Learns)
+    prepared.mission = SimpleNamespace(
+        processing=prepared.mission.processing, fusion=SimpleNamespace(lateness=1.0)
+    )
+    prepared.terrain, prepared.cameras, prepared.streams, prepared.onto = None, {}, (), None
+    prepared.relative_accuracy = {"tiled": 0.5, "whole": 1.0}
+    stage = local.make_reducer(prepared, replace(plan, assignments=()), lateness=True)
+    for epoch, a in enumerate(plan.assignments, 3):
+        stage.open_again(a.stream, a.detector, epoch, assignment_to_json(a))
+    assert learned == {
+        (a.stream, a.detector, epoch): (
+            prepared.relative_accuracy[a.pool_detector],
+            local.substream_worth(prepared, a),
+        )
+        for epoch, a in enumerate(plan.assignments, 3)
+    }
+    assert stage.open == learned.keys()

@@ -1,0 +1,236 @@
+"""What goes between the actors of a run in real time is what was ordered and what was said, and nothing is left out."""
+
+from __future__ import annotations
+
+import math
+import queue
+import threading
+import time
+from types import SimpleNamespace
+
+import pytest
+
+from actors.live import LiveWiring, _Peer, _Record
+from actors.machine import MachineActor, MachineParams
+from actors.reducer import ReducerActor
+from actors.source import SourceActor
+from pipeline.allocation.plan import Assignment, assignment_to_json
+from pipeline.link.receiver import Receiver
+from pipeline.link.sender import LinkState
+from pipeline.messages import Dropped
+from pipeline.mission.controller.orders import Close, Expect, Run, Send
+from pipeline.mission.controller.substreams import Opened, PlanEpoch, Substream
+from pipeline.mission.durable_reducer import Acknowledgement
+from pipeline.mission.stages.radio_link import RadioLink
+from pipeline.mission.stages.source import SourceParams
+
+TOKEN = b"t" * 32
+HERE = "127.0.0.1"
+
+
+def opened(machine: str = "m", epoch: int = 3) -> Opened:
+    return Opened(epoch, Assignment("v", f"{machine}:d", "d", machine, "s", 2, 1, 1e6))
+
+
+class Reducer:
+    """A place for results."""
+
+    def __init__(self) -> None:
+        self.got: queue.Queue = queue.Queue()
+        self.receiver = Receiver(HERE, self.got.put, token=TOKEN)
+
+    def next(self):
+        return self.got.get(timeout=10.0)
+
+
+@pytest.fixture
+def reducers():
+    both = Reducer(), Reducer()
+    yield both
+    for reducer in both:
+        reducer.receiver.close()
+
+
+def result(sequence: int) -> Dropped:
+    return Dropped("v", "m:d", sequence, sequence, "undecodable", 3, sequence)
+
+
+def _machine(reducer: Reducer, resend_s: float = 0.2) -> MachineActor:
+    machine = MachineActor("m", HERE, TOKEN, "h264", MachineParams(resend_s=resend_s))
+    machine.begin({}, reducer.receiver.address, incarnation=4)
+    return machine
+
+
+def test_a_machine_reports_as_the_process_it_is(reducers) -> None:
+    report, status = _machine(reducers[0]).report()
+    assert (report.machine, report.incarnation) == ("m", 4)
+    assert status.pid > 0
+
+
+def test_results_are_sent_again_until_they_are_acknowledged_and_then_no_more(reducers) -> None:
+    machine = _machine(reducers[0])
+    for sequence in range(2):
+        machine._keep_and_answer(result(sequence), False)
+    assert [reducers[0].next().sequence for _ in range(2)] == [0, 1]
+    machine.report()
+    time.sleep(0.3)
+    machine.report()
+    assert [reducers[0].next().sequence for _ in range(2)] == [0, 1], "nobody has said that they are safe"
+    for _ in range(3):
+        machine.report((Acknowledgement("v", "m:d", 3, 2),))
+        time.sleep(0.25)
+    assert reducers[0].got.empty()
+
+
+def test_the_next_reducer_is_sent_what_is_not_safe_and_only_that(reducers) -> None:
+    machine = _machine(reducers[0], resend_s=60.0)
+    for sequence in range(3):
+        machine._keep_and_answer(result(sequence), False)
+    machine.report((Acknowledgement("v", "m:d", 3, 1),))
+    machine.results_to(reducers[1].receiver.address)
+    assert [reducers[1].next().sequence for _ in range(2)] == [1, 2]
+    machine._keep_and_answer(result(3), False)
+    assert reducers[1].next().sequence == 3
+
+
+def test_a_machine_whose_reducer_is_gone_keeps_its_results_for_the_next(reducers) -> None:
+    machine = _machine(reducers[0], resend_s=60.0)
+    reducers[0].receiver.close()
+    time.sleep(0.2)
+    for sequence in range(3):
+        machine._keep_and_answer(result(sequence), False)
+    machine.results_to(reducers[1].receiver.address)
+    assert [reducers[1].next().sequence for _ in range(3)] == [0, 1, 2]
+
+
+def test_what_a_machine_is_not_to_hold_any_more_is_not_sent_again(reducers) -> None:
+    machine = _machine(reducers[0], resend_s=60.0)
+    machine._stage.run = lambda order: (opened().key,)  # it held this, and drops it
+    machine._keep_and_answer(result(0), False)
+    machine.run(Run("m", ()))
+    machine.results_to(reducers[1].receiver.address)
+    time.sleep(0.3)
+    assert reducers[1].got.empty()
+
+
+def _state(rate_bps: float, full: bool) -> LinkState:
+    return LinkState(rate_bps, full, 0.0, 0, 0, {})
+
+
+def test_a_source_reports_what_its_limited_links_let_through_and_more_of_those_that_are_not_full() -> None:
+    bandwidth = {"full": 6e6, "easy": 6e6, "own": math.inf}
+    source = SourceActor(
+        SimpleNamespace(stream="v", video=SimpleNamespace(pictures=9)), (), bandwidth, TOKEN, SourceParams()
+    )
+    states = {"full": _state(1e6, True), "easy": _state(2e6, False), "own": _state(math.inf, False)}
+    source._link = SimpleNamespace(states=lambda: states)
+    report, _ = source.report(incarnation=2)
+    assert (report.stream, report.incarnation, report.epoch) == ("v", 2, -1)
+    assert {m.site: m.rate_bps for m in report.links} == {"full": 1e6, "easy": 3e6}
+
+
+def test_a_source_keeps_the_newest_epoch_it_was_ordered_to_follow() -> None:
+    source = SourceActor(SimpleNamespace(stream="v"), (), {}, TOKEN, SourceParams())
+    newer, older = Send(PlanEpoch("v", 5)), Send(PlanEpoch("v", 4))
+    source.follow(newer, {"m": (HERE, 1)})
+    source.follow(older, {})
+    assert source._order == (newer, {"m": (HERE, 1)})
+
+
+def test_a_way_to_nobody_is_down_until_there_is_somebody(reducers) -> None:
+    lost: list[tuple[str, str, str]] = []
+    link = RadioLink("v", {"s": 6e6}, TOKEN, on_lost=lambda *what: lost.append(what))
+    link.expect("s", "m:d", None)
+    assert not link.is_up("s", "m:d")
+    reducers[1].receiver.close()
+    link.expect("s", "m:d", reducers[1].receiver.address)
+    assert not link.is_up("s", "m:d")
+    assert lost[0][:2] == ("s", "m:d")
+    link.expect("s", "m:d", reducers[0].receiver.address)
+    assert link.is_up("s", "m:d")
+    link.close()
+
+
+class Called:
+    """A handle that notes how its methods are called."""
+
+    def __init__(self) -> None:
+        self.calls: list[tuple[str, tuple]] = []
+
+    def __getattr__(self, name: str):
+        return SimpleNamespace(remote=lambda *arguments: self.calls.append((name, arguments)))
+
+
+def _wiring() -> tuple[LiveWiring, Called, Called, Called]:
+    wiring = LiveWiring.__new__(LiveWiring)
+    machine, source, reducer = Called(), Called(), Called()
+    acknowledged = (Acknowledgement("v", "m:d", 3, 7),)
+    wiring._peers = {
+        "machine:m": _Peer(machine, 1, reached=(HERE, 4711)),
+        "source:v": _Peer(source, 2),
+        "reducer": _Peer(reducer, 5, status=SimpleNamespace(acknowledged=acknowledged)),
+    }
+    wiring._machines, wiring._sources, wiring._reducer = {"m": machine}, {"v": source}, reducer
+    wiring._record = _Record()
+    return wiring, machine, source, reducer
+
+
+def test_every_order_reaches_its_actor_and_a_source_is_told_where_the_machines_listen() -> None:
+    wiring, machine, source, reducer = _wiring()
+    run, send = Run("m", (opened(),), 1, 2), Send(PlanEpoch("v", 4, (opened(),)), False, 2)
+    expect = Expect((opened(),))
+    for order in (run, send, expect):
+        wiring._carry_out(order)
+    assert machine.calls == [("run", (run,))]
+    assert source.calls == [("follow", (send, {"m": (HERE, 4711)}))]
+    assert reducer.calls == [("expect", (expect,))]
+    assert wiring._record.ran == {("v", "m:d"): opened().assignment}
+
+
+def test_machines_are_asked_with_what_is_safe_and_the_others_with_their_incarnation() -> None:
+    wiring, machine, source, reducer = _wiring()
+    for actor, peer in wiring._peers.items():
+        wiring._question(actor, peer)
+    assert machine.calls == [("report", ((Acknowledgement("v", "m:d", 3, 7),),))]
+    assert source.calls == [("report", (2,))]
+    assert reducer.calls == [("report", (5,))]
+
+
+def test_machines_are_told_where_a_new_reducer_listens() -> None:
+    wiring, machine, _, _ = _wiring()
+    wiring._tell_machines_the_reducer((HERE, 99))
+    assert machine.calls == [("results_to", ((HERE, 99),))]
+
+
+def _reducer_actor(open_: set, over: set) -> tuple[ReducerActor, list]:
+    actor, calls = ReducerActor.__new__(ReducerActor), []
+    actor._changed = threading.Condition()
+    actor._stage = SimpleNamespace(open=frozenset(open_), sequencer=SimpleNamespace(over=frozenset(over)))
+    actor._durable = SimpleNamespace(
+        open_again=lambda *what: calls.append(("open", *what)),
+        close=lambda *what: calls.append(("close", *what)),
+        commit=lambda: calls.append(("commit",)),
+    )
+    return actor, calls
+
+
+def test_the_reducer_opens_what_is_expected_with_its_assignment_closes_the_rest_and_commits_both() -> None:
+    old, kept, ended = ("v", "m:d", 0), ("v", "m:d", 1), ("v", "m:d", 2)
+    actor, calls = _reducer_actor({old, kept}, {ended})
+    expect = Expect(
+        (opened(epoch=1), opened(epoch=2), opened(epoch=3)),
+        (Close(Substream("v", "m:d", 0), "machine_lost"), Close(Substream("v", "x:d", 9), "not_used")),
+    )
+    actor.expect(expect)
+    assert calls == [
+        ("open", "v", "m:d", 3, assignment_to_json(opened().assignment)),
+        ("close", "v", "m:d", 0, "machine_lost"),
+        ("close", "v", "x:d", 9, "not_used"),
+        ("commit",),
+    ]
+
+
+def test_what_the_reducer_holds_open_unasked_is_closed_as_not_used() -> None:
+    actor, calls = _reducer_actor({("v", "m:d", 0)}, set())
+    actor.expect(Expect(()))
+    assert calls == [("close", "v", "m:d", 0, "not_used"), ("commit",)]
