@@ -8,6 +8,7 @@ from pathlib import Path
 import onnx
 import torch
 
+from pipeline.training.config import Training
 from pipeline.training.network import DecodedNetwork, PersonNetwork
 
 _OPSET = 17
@@ -38,6 +39,19 @@ def export_onnx(
     onnx.checker.check_model(model)
     partial.write_bytes(model.SerializeToString())
     os.replace(partial, path)
+
+
+def export_trained(network: PersonNetwork, training: Training, path: Path) -> None:
+    """Write the network of a training, of the size and under the name that it says."""
+    size = training.input
+    export_onnx(
+        network,
+        path,
+        width=size.width,
+        height=size.height,
+        name=training.name,
+        trained_on=training.trained_on,
+    )
 
 
 def _metadata(width: int, height: int, name: str, trained_on: str) -> dict[str, str]:

@@ -9,7 +9,7 @@ from pipeline.detection import load_detector
 from pipeline.simulation.dataset import MISSION_VIEWS, SIZE_VIEWS, TRAINING_VIEWS
 from pipeline.training.card import write_card
 from pipeline.training.config import Data, LabelledPictures, Scenes, Training, load_training
-from pipeline.training.export import export_onnx
+from pipeline.training.export import export_trained
 from pipeline.training.labelled import part, prepare_labelled
 from pipeline.training.labelled_accuracy import LOWEST_SCORE, Looked, look, together
 from pipeline.training.labelled_card import write_labelled_card
@@ -36,8 +36,10 @@ def train(
         optimiser.resume(checkpoint)
     elif training.start:
         optimiser.start_from(out / f"{training.start}.pt")
-    optimiser.run(pictures["train"], checkpoint, progress, lambda: _export(optimiser, training, model))
-    _export(optimiser, training, model)
+    optimiser.run(
+        pictures["train"], checkpoint, progress, lambda: export_trained(optimiser.mean, training, model)
+    )
+    export_trained(optimiser.mean, training, model)
     today = datetime.date.today()
     if training.labelled is None:
         write_card(training, model, pictures["mission"], pictures["sizes"], today)
@@ -101,15 +103,3 @@ def _unseen(
 
 def _of(scenes: Scenes) -> tuple[int, int, int]:
     return scenes.seed, scenes.scenes, scenes.pictures
-
-
-def _export(optimiser: Optimiser, training: Training, model: Path) -> None:
-    size = training.input
-    export_onnx(
-        optimiser.mean,
-        model,
-        width=size.width,
-        height=size.height,
-        name=training.name,
-        trained_on=training.trained_on,
-    )

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from pipeline.detection import Detector, load_detector
 from pipeline.training.config import LabelledPictures, Training
-from pipeline.training.export import export_onnx
+from pipeline.training.export import export_trained
 from pipeline.training.labelled import part
 from pipeline.training.labelled_accuracy import LOWEST_SCORE
 from pipeline.training.optimiser import Optimiser, Progress
@@ -44,13 +44,5 @@ def trained(training: Training, pictures: PictureSet, out: Path, progress: Progr
         optimiser.resume(checkpoint)
     own = part(pictures, training.labelled, training.labelled.train)
     optimiser.run(own, checkpoint, progress, lambda: None)
-    size = training.input
-    export_onnx(
-        optimiser.mean,
-        model,
-        width=size.width,
-        height=size.height,
-        name=training.name,
-        trained_on=training.trained_on,
-    )
+    export_trained(optimiser.mean, training, model)
     return load_detector(model, score_threshold=LOWEST_SCORE)

@@ -99,6 +99,19 @@ def require_partial(out: Path, text: str, reason: str) -> None:
     assert f"--resume {out}" in " ".join(text.split())
 
 
+def require_good_end(
+    process: subprocess.Popen[str], out: Path, number: signal.Signals, limit_s: float
+) -> None:
+    """Signal a run and all its processes: it publishes what it has, says so, and leaves nothing behind."""
+    os.killpg(process.pid, number)
+    text = ended(process, limit_s)
+    assert process.returncode == 128 + number, text
+    assert "Traceback" not in text
+    require_partial(out, text, f"stopped by {number.name}")
+    assert in_session(process) == []
+    assert around(out) == []
+
+
 @pytest.mark.parametrize(
     "number",
     [
@@ -113,13 +126,7 @@ def test_a_signal_ends_it_in_good_order_and_it_can_go_on(
     out = tmp_path / "run"
     process = started(small_mission, "--out", out, *LOCAL)
     wait_for_results(process, out)
-    os.killpg(process.pid, number)
-    text = ended(process, 30.0)
-    assert process.returncode == 128 + number, text
-    assert "Traceback" not in text
-    require_partial(out, text, f"stopped by {number.name}")
-    assert in_session(process) == []
-    assert around(out) == []
+    require_good_end(process, out, number, 30.0)
     text = ended(process := started("--resume", out))
     assert process.returncode == 0, text
     assert [(out / name).read_bytes() for name in MAPS] == [(whole / name).read_bytes() for name in MAPS]

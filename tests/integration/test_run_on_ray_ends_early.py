@@ -14,6 +14,7 @@ from tests.e2e.test_run_ends_early import (
     around,
     ended,
     in_session,
+    require_good_end,
     require_partial,
     started,
     wait_for_results,
@@ -52,13 +53,7 @@ def test_a_signal_to_every_process_ends_it_in_good_order_and_it_can_go_on(
     out, folders = tmp_path / "run", ray_folders()
     process = started(small_mission, "--out", out)
     wait_for_results(process, out)
-    os.killpg(process.pid, number)
-    text = ended(process, 60.0)
-    assert process.returncode == 128 + number, text
-    assert "Traceback" not in text
-    require_partial(out, text, f"stopped by {number.name}")
-    assert in_session(process) == []
-    assert around(out) == []
+    require_good_end(process, out, number, 60.0)
     assert ray_folders() <= folders
     require_resumed(out, whole)
 
