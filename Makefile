@@ -29,8 +29,8 @@ $(READY): requirements.lock pyproject.toml
 run: setup ## the demo: video and telemetry of two drones in, map of people out (runs/demo)
 	$(BIN)/searchlight run $(MISSION) --out $(OUT)
 
-test: setup ## the tests (a few minutes)
-	$(BIN)/python -m pytest
+test: setup ## the tests (about ten minutes), in two processes; those that start a Ray one after the other
+	$(BIN)/python -m pytest -n 2 --dist loadgroup --no-loadscope-reorder
 
 test-all: setup ## the tests and the slow sweeps
 	$(BIN)/python -m pytest -m ""

@@ -9,6 +9,16 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Which tests stay together when two processes share them (``make test``): those of a file, since they share
+    fixtures; and all that start a Ray, since two of them at once would measure each other.
+    """
+    for item in items:
+        alone = item.get_closest_marker("ray") is not None
+        item.add_marker(pytest.mark.xdist_group("ray" if alone else item.nodeid.split("::")[0]))
+
+
 @pytest.fixture(scope="session")
 def small_mission(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """mission.yaml of a few seconds of two drones; the folder can be copied as it is."""
