@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from pipeline.geo.pose import enu_from_camera
+from pipeline.ingest.between_samples import BetweenSamples, between_samples
 from pipeline.ingest.track import Clock
 from pipeline.messages import CameraPose, FloatArray
 
@@ -62,9 +63,10 @@ class Trajectory:
         """The camera's pose at a time of the video, linear between the samples around it; None if there is none.
 
         Angles turn the shorter way, through straight down too. There is none more than half a sample before the
-        first one, after ``end_s``, and between samples that are farther apart than the longest gap. After the last
-        sample the position goes on as it moved, and is surer by nothing: half of that way is added to its standard
-        deviation.
+        first one, after ``end_s``, and between samples that are farther apart than the longest gap. Between two samples
+        it is less sure, by as much as the samples around them say that the motion changed (``between_samples``). After
+        the last sample the position goes on as it moved, and is surer by nothing: half of that way is added to its
+        standard deviation.
         """
         place = self._between(time_s)
         if place is None:
@@ -83,6 +85,10 @@ class Trajectory:
             added_m = 0.5 * np.array([math.hypot(carried_m[0], carried_m[1]), carried_m[2]])
             horizontal_m, height_m = widened(
                 np.array([horizontal_m, height_m]), self.mission_sds[:2], added_m
+            )
+        elif 0.0 < share < 1.0 and (added := self._changes.at(index, share)).any():
+            horizontal_m, height_m, attitude_rad = widened(
+                np.array([horizontal_m, height_m, attitude_rad]), self.mission_sds, added
             )
         scale = _mixed(self.focal_scale[index], self.focal_scale[following], 0.0 if share < 1.0 else 1.0)
         return CameraPose(
@@ -103,6 +109,10 @@ class Trajectory:
         before = np.clip(np.searchsorted(own, times_s, side="right") - 1, 0, len(own) - 2)
         wide = own[before + 1] - own[before] > self.longest_gap_s
         return inside & ~(wide & (times_s > own[before] + half_s) & (times_s < own[before + 1] - half_s))
+
+    @cached_property
+    def _changes(self) -> BetweenSamples:
+        return between_samples(self.times_s, self.positions_enu, self.angles_rad, self.longest_gap_s)
 
     @cached_property
     def _half_s(self) -> float:
