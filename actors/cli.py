@@ -12,7 +12,17 @@ from typing import Annotated
 
 import typer
 
-from actors.commands import allocate, detector, evaluate, experiment, experiment_allocation, fuse, init, pool
+from actors.commands import (
+    allocate,
+    detector,
+    evaluate,
+    experiment,
+    experiment_allocation,
+    fuse,
+    init,
+    mission,
+    pool,
+)
 from actors.terminal import progress_bars as _progress
 from actors.terminal import say as _say
 from pipeline.errors import InputError, SearchlightError
@@ -25,6 +35,7 @@ experiment_allocation.register(experiment.app)
 app.add_typer(experiment.app, name="experiment")
 evaluate.register(app)
 pool.register(app)
+mission.register(app)
 detector.register(app)
 
 

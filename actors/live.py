@@ -10,32 +10,28 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from actors.calls import get, kill, remote, remote_here
+from actors.live_record import LiveRecord
 from actors.machine import MachineActor
 from actors.metrics import RunCollector, Snapshot
 from actors.reducer import ReducerActor
 from actors.scheduler import SchedulerActor
 from actors.source import SourceActor
 from actors.wiring import Wiring
-from pipeline.allocation.plan import Assignment, Plan
+from pipeline.allocation.plan import Plan
 from pipeline.errors import RunFailedError, SearchlightError, in_one_line
-from pipeline.logs import Log
 from pipeline.mission.clocks import pacing_offsets_s
 from pipeline.mission.controller.events import Event, Gone
 from pipeline.mission.controller.orders import Expect, Finish, Order, Restart, Run, Say, Send
-from pipeline.mission.controller.recorded import Recorded
 from pipeline.mission.controller.state import REDUCER, machine_actor, source_actor
 from pipeline.mission.ledger import with_heard
 from pipeline.mission.local import FinishedRun, source_params
 from pipeline.mission.run_journal import RunJournal
 from pipeline.mission.stages.radio_link import RadioParams
 from pipeline.mission.stages.source import StreamInput
-from pipeline.outputs.timeline import TimelineEntry
-
-_LOG = Log("actors")
 
 
 @dataclass(frozen=True)
@@ -67,15 +63,6 @@ class _Peer:
     status: Any = None
 
 
-@dataclass
-class _Record:
-    """What the controller has taken and ordered, and what was run for it."""
-
-    log: list[Recorded] = field(default_factory=list)
-    timeline: list[TimelineEntry] = field(default_factory=list)
-    ran: dict[tuple[str, str], Assignment] = field(default_factory=dict)
-
-
 class LiveWiring(Wiring):
     """Creates the actors of one run in real time, and keeps them going."""
 
@@ -88,11 +75,11 @@ class LiveWiring(Wiring):
         return plan
 
     def _start(self, plan: Plan, journal: RunJournal) -> None:
-        self._plan, self._journal, self._record = plan, journal, _Record()
+        self._plan, self._journal = plan, journal
         self._peers: dict[str, _Peer] = {}
         self._all_planned, self._told_s = False, 0.0
         self._finish_ordered = False
-        self._begun_s = time.monotonic()
+        self._record = LiveRecord.of(self._prepared, journal.folder.parent, time.monotonic())
         self._begin_scheduler()
         self._begin_reducer(0)
         reducer = self._peers[REDUCER]
@@ -110,7 +97,7 @@ class LiveWiring(Wiring):
     # --- actors
 
     def _begin_scheduler(self) -> None:
-        self._scheduler.begin.remote(self._plan, self._begun_s, tuple(self._record.log))
+        self._scheduler.begin.remote(self._plan, self._record.begun_s, tuple(self._record.log))
 
     def _begin_reducer(self, incarnation: int) -> None:
         handle = remote_here(ReducerActor).remote(
@@ -238,6 +225,7 @@ class LiveWiring(Wiring):
 
     def _tell(self, events: list[Event]) -> None:
         now = time.monotonic()
+        events += self._record.asked_by_the_operator()
         if not events and now - self._told_s < self.params.poll_s:
             return
         self._told_s = now
@@ -251,7 +239,7 @@ class LiveWiring(Wiring):
             self._scheduler = remote(SchedulerActor, None).remote(self._prepared)
             self._begin_scheduler()
             return
-        self._record.log += recorded
+        self._record.take(recorded)
         for step in recorded:
             for order in step.orders:
                 with suppress(KeyError):  # of an actor that is being replaced: it comes again
@@ -260,9 +248,6 @@ class LiveWiring(Wiring):
     def _carry_out(self, order: Order) -> None:
         match order:
             case Run():
-                for opened in order.substreams:
-                    a = opened.assignment
-                    self._record.ran[a.stream, a.detector] = a
                 self._machines[order.machine].run.remote(order)
             case Send():
                 machines = {o.machine for o in order.epoch.substreams}
@@ -294,13 +279,13 @@ class LiveWiring(Wiring):
     def _note(self, say: Say) -> None:
         if say.what == "up":
             say = replace(say, detail=f"process {self._peers[say.subject].status.pid}")
-        at_s = round(time.monotonic() - self._begun_s, 3)
-        self._record.timeline.append(TimelineEntry(at_s, say.what, say.subject, say.detail))
-        _LOG.event(say.what, subject=say.subject, detail=say.detail)
+        self._record.note(say, time.monotonic())
 
     # --- the end
 
     def __exit__(self, *_: object) -> None:
+        if hasattr(self, "_record"):
+            self._record.close()
         if hasattr(self, "_scheduler"):
             kill(self._scheduler)
         super().__exit__()

@@ -26,6 +26,7 @@ class SchedulerActor:
 
     def __init__(self, prepared: PreparedMission) -> None:
         self._prepared = prepared
+        self._priorities = {stream.id: stream.priority for stream in prepared.mission.streams}
         self._first: Plan | None = None
         self._state: MissionState | None = None
         self._answers: queue.Queue[Solved | NotSolved] = queue.Queue()
@@ -70,7 +71,7 @@ class SchedulerActor:
             ):
                 self._answers.put(Solved(question.request, self._first.assignments))
                 return
-            for answer in answers(question, priorities={}, loss=_LOSS):
+            for answer in answers(question, priorities=self._priorities, loss=_LOSS):
                 self._answers.put(answer)
         except Exception as error:
             self._answers.put(NotSolved(question.request, str(failure(error)).splitlines()[0]))

@@ -31,6 +31,8 @@ class Stream(Strict):
     """Its focal length and lens. Absent: from the metadata."""
     site: str
     """Where it is filmed, a site of the inventory, reached without a link's limit. Example: `drone-1`."""
+    priority: int = Field(default=0, ge=-1000, le=1000)
+    """Among the streams, when in flight not all can be looked at any more: the greatest stays. Example: `1`."""
     start: Seconds | None = None
     """Of the part that is used, in time of the video, which begins with its first picture. Example: `{seconds:
     30}`.

@@ -13,6 +13,10 @@ from pathlib import Path
 
 import pytest
 
+from pipeline.logs import ACTOR_LOGS
+from pipeline.mission.controller_log import CONTROLLER_LOG, replayed
+from pipeline.mission.operator import ask
+
 ROOT = Path(__file__).resolve().parents[2]
 DEMO = ROOT / "configs/missions/demo/mission.yaml"
 
@@ -78,7 +82,14 @@ def _is_accounted_for(summary: dict) -> None:
         assert substream["offered"] == substream["processed"] + sum(substream["dropped"].values())
 
 
-def test_a_killed_machine_is_replaced_and_a_killed_reducer_loses_nothing(
+def _is_replayed(out: Path) -> None:
+    """The run's own log, played again, gives the orders that were given."""
+    state, events = replayed(out / ACTOR_LOGS / CONTROLLER_LOG)
+    assert events > 20
+    assert all(stream.ended for stream in state.streams.values())
+
+
+def test_a_killed_machine_is_replaced_a_killed_reducer_loses_nothing_and_the_operator_is_heard(
     small_mission: Path, tmp_path: Path
 ) -> None:
     run = LiveRun(small_mission, tmp_path / "run")
@@ -88,8 +99,13 @@ def test_a_killed_machine_is_replaced_and_a_killed_reducer_loses_nothing(
     run.wait_for("lost", "machine:ground-pc", before)
     before = run.strike("reducer", signal.SIGKILL)
     run.wait_for("lost", "reducer", before)
+    for what, event in (("pause", "paused"), ("resume", "goes on")):
+        before = len(run.events())
+        ask(run.out, what, "drone-2")
+        run.wait_for(event, "drone-2", before)
     summary = run.end()
     _is_accounted_for(summary)
+    _is_replayed(run.out)
     said = {(entry["what"], entry["subject"]) for entry in summary["timeline"]}
     for actor in ("machine:ground-pc", "reducer"):
         assert {("lost", actor), ("started again", actor)} <= said
@@ -111,4 +127,5 @@ def test_the_demo_finds_its_nine_people_whoever_is_struck_in_the_middle(
     run.wait_for("lost", actor, before)
     summary = run.end()
     _is_accounted_for(summary)
+    _is_replayed(run.out)
     assert (len(summary["truth"]["found"]), summary["truth"]["false"]) == (9, [])

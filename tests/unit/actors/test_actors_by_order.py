@@ -10,7 +10,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from actors.live import LiveWiring, _Peer, _Record
+from actors.live import LiveWiring, _Peer
+from actors.live_record import LiveRecord
 from actors.machine import MachineActor, MachineParams
 from actors.reducer import ReducerActor
 from actors.source import SourceActor
@@ -18,7 +19,9 @@ from pipeline.allocation.plan import Assignment, assignment_to_json
 from pipeline.link.receiver import Receiver
 from pipeline.link.sender import LinkState
 from pipeline.messages import Dropped
-from pipeline.mission.controller.orders import Close, Expect, Run, Send
+from pipeline.mission.controller.events import Elapsed
+from pipeline.mission.controller.orders import Close, Expect, Run, Say, Send
+from pipeline.mission.controller.recorded import Recorded
 from pipeline.mission.controller.substreams import Opened, PlanEpoch, Substream
 from pipeline.mission.durable_reducer import Acknowledgement
 from pipeline.mission.stages.radio_link import RadioLink
@@ -171,7 +174,6 @@ def _wiring() -> tuple[LiveWiring, Called, Called, Called]:
         "reducer": _Peer(reducer, 5, status=SimpleNamespace(acknowledged=acknowledged)),
     }
     wiring._machines, wiring._sources, wiring._reducer = {"m": machine}, {"v": source}, reducer
-    wiring._record = _Record()
     return wiring, machine, source, reducer
 
 
@@ -184,7 +186,17 @@ def test_every_order_reaches_its_actor_and_a_source_is_told_where_the_machines_l
     assert machine.calls == [("run", (run,))]
     assert source.calls == [("follow", (send, {"m": (HERE, 4711)}))]
     assert reducer.calls == [("expect", (expect,))]
-    assert wiring._record.ran == {("v", "m:d"): opened().assignment}
+
+
+def test_what_was_taken_is_kept_for_the_next_scheduler_written_and_known_to_have_run() -> None:
+    written = []
+    record = LiveRecord(10.0, SimpleNamespace(append=written.append), SimpleNamespace())
+    taken = Recorded(11.0, Elapsed(), (Run("m", (opened(),), 1, 2), Say("up", "machine:m")))
+    record.take([taken])
+    record.note(Say("up", "machine:m"), 12.5)
+    assert (record.log, written) == ([taken], [(taken,)])
+    assert record.ran == {("v", "m:d"): opened().assignment}
+    assert [(e.at_s, e.what, e.subject) for e in record.timeline] == [(2.5, "up", "machine:m")]
 
 
 def test_machines_are_asked_with_what_is_safe_and_the_others_with_their_incarnation() -> None:

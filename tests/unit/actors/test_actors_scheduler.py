@@ -9,16 +9,22 @@ import numpy as np
 
 from actors.scheduler import SchedulerActor
 from pipeline.allocation.plan import Plan
+from pipeline.allocation.problem import Problem
 from pipeline.mission.controller.events import Gone, MachineReport, NotSolved, ReducerReport, SourceReport
 from pipeline.mission.controller.orders import Run, Solve
 from tests.rehearsals import draw_problem, quick_plan
+
+
+def prepared(problem: Problem, **priorities: int) -> SimpleNamespace:
+    streams = [SimpleNamespace(id=v, priority=priorities.get(v, 0)) for v in problem.streams]
+    return SimpleNamespace(problem=problem, mission=SimpleNamespace(streams=streams))
 
 
 def _scheduler():
     problem = draw_problem(np.random.default_rng(4))
     solved = quick_plan(Solve(1, problem, ()))[-1]
     plan = Plan("optimal", 0.0, 0.0, 0.0, problem.cycle, solved.assignments, 0.0, 0, 0)
-    scheduler = SchedulerActor(SimpleNamespace(problem=problem))
+    scheduler = SchedulerActor(prepared(problem))
     scheduler.begin(plan, 0.0)
     return scheduler, problem, plan
 
@@ -79,3 +85,13 @@ def test_a_question_whose_answer_died_with_the_scheduler_is_asked_again() -> Non
     assert any(isinstance(r.event, NotSolved) for r in log)
     log = _heard(again, [Gone("nobody", 0, "")], 2.0)
     assert [o.request for r in log for o in r.orders if isinstance(o, Solve)] == [2]
+
+
+def test_the_solver_is_told_the_priorities_of_the_mission_file(monkeypatch) -> None:
+    told = []
+    monkeypatch.setattr(
+        "actors.scheduler.answers", lambda question, **how: told.append(how["priorities"]) or ()
+    )
+    problem = draw_problem(np.random.default_rng(4))
+    SchedulerActor(prepared(problem, v1=7))._solve(Solve(2, problem, ()))
+    assert told == [{v: 7 if v == "v1" else 0 for v in problem.streams}]

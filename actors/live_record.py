@@ -1,0 +1,66 @@
+"""What a run in real time remembers: the controller's log, the time line, what was run, and what its operator asks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from pipeline.allocation.plan import Assignment
+from pipeline.logs import ACTOR_LOGS, Log
+from pipeline.mission.controller.events import Event
+from pipeline.mission.controller.orders import Run, Say
+from pipeline.mission.controller.recorded import Recorded
+from pipeline.mission.controller_log import CONTROLLER_LOG, ControllerLog
+from pipeline.mission.operator import OperatorsDesk
+from pipeline.mission.prepared import PreparedMission
+from pipeline.outputs.timeline import TimelineEntry
+from pipeline.storage.whole_or_nothing import make_folder
+
+_LOG = Log("actors")
+
+
+@dataclass
+class LiveRecord:
+    """begun_s: of the caller's monotonic clock. log: for a scheduler that is started again, all of it."""
+
+    begun_s: float
+    file: ControllerLog
+    desk: OperatorsDesk
+    log: list[Recorded] = field(default_factory=list)
+    timeline: list[TimelineEntry] = field(default_factory=list)
+    ran: dict[tuple[str, str], Assignment] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, prepared: PreparedMission, run: Path, begun_s: float) -> LiveRecord:
+        """A new one. run: the run directory."""
+        make_folder(run / ACTOR_LOGS)
+        file = ControllerLog(run / ACTOR_LOGS / CONTROLLER_LOG, prepared.problem, begun_s)
+        return cls(begun_s, file, OperatorsDesk(run, [s.stream for s in prepared.streams]))
+
+    def asked_by_the_operator(self) -> list[Event]:
+        """Since the last call."""
+        return self.desk.events()
+
+    def take(self, recorded: Iterable[Recorded]) -> None:
+        """What the controller has taken and ordered."""
+        taken = tuple(recorded)
+        self.log += taken
+        self.file.append(taken)
+        for one in taken:
+            for order in one.orders:
+                if isinstance(order, Run):
+                    self.ran |= {
+                        (o.assignment.stream, o.assignment.detector): o.assignment for o in order.substreams
+                    }
+
+    def note(self, say: Say, now_s: float) -> None:
+        """One line for the operator."""
+        entry = TimelineEntry(round(now_s - self.begun_s, 3), say.what, say.subject, say.detail)
+        self.timeline.append(entry)
+        _LOG.event(say.what, subject=say.subject, detail=say.detail)
+
+    def close(self) -> None:
+        """The mission is over."""
+        self.file.close()
+        self.desk.close()

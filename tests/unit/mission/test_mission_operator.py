@@ -1,0 +1,93 @@
+"""What an operator asks of a mission that flies is done once and answered, or refused with the reason."""
+
+from __future__ import annotations
+
+import threading
+import time
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from actors.cli import app
+from pipeline.errors import InputError
+from pipeline.mission.controller.events import Event, MissionStopped, StreamPaused, StreamStopped
+from pipeline.mission.operator import FOLDER, OperatorsDesk, ask
+
+
+class Mission:
+    """A run that looks at its desk every few milliseconds."""
+
+    def __init__(self, run: Path) -> None:
+        self.desk, self.events, self.over = OperatorsDesk(run, ["drone-1", "drone-2"]), list[Event](), False
+        self._thread = threading.Thread(target=self._look, daemon=True)
+        self._thread.start()
+
+    def _look(self) -> None:
+        while not self.over:
+            self.events += self.desk.events()
+            time.sleep(0.01)
+
+    def end(self) -> list[Event]:
+        self.over = True
+        self._thread.join()
+        self.desk.close()
+        return self.events
+
+
+@pytest.mark.parametrize(
+    ("what", "stream", "event"),
+    [
+        ("pause", "drone-1", StreamPaused("drone-1", True)),
+        ("resume", "drone-2", StreamPaused("drone-2", False)),
+        ("stop", "drone-1", StreamStopped("drone-1")),
+        ("stop", None, MissionStopped()),
+    ],
+)
+def test_what_is_asked_is_heard_once_and_answered(
+    tmp_path: Path, what: str, stream: str | None, event: Event
+) -> None:
+    mission = Mission(tmp_path)
+    given = ["mission", what, str(tmp_path), *([] if stream is None else [stream])]
+    result = CliRunner().invoke(app, given)
+    assert result.exit_code == 0, result.output
+    assert (stream or "mission") in result.output
+    assert mission.end() == [event]
+    assert not (tmp_path / FOLDER).exists()
+
+
+def test_a_stream_that_there_is_not_is_refused_with_those_there_are(tmp_path: Path) -> None:
+    mission = Mission(tmp_path)
+    with pytest.raises(InputError, match=r"drone-9.*one of drone-1, drone-2"):
+        ask(tmp_path, "pause", "drone-9")
+    assert mission.end() == []
+
+
+def test_a_folder_where_nothing_flies_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no mission that flies"):
+        ask(tmp_path, "stop", None)
+
+
+def test_a_mission_that_does_not_answer_is_said_and_the_request_is_taken_back(tmp_path: Path) -> None:
+    (tmp_path / FOLDER).mkdir()
+    with pytest.raises(InputError, match=r"no answer within 0\.2 s"):
+        ask(tmp_path, "stop", None, within_s=0.2)
+    assert not list((tmp_path / FOLDER).iterdir())
+
+
+@pytest.mark.parametrize(
+    "text", ["", "{", "[]", '{"what": "pause"}', '{"what": "rm", "stream": null}', '{"what": "pause", "stream": 3}',
+             '{"what": "pause", "stream": null}', "x" * 20_000],
+)  # fmt: skip
+def test_a_request_that_cannot_be_read_is_answered_and_does_nothing(tmp_path: Path, text: str) -> None:
+    desk = OperatorsDesk(tmp_path, ["drone-1"])
+    (tmp_path / FOLDER / "1.json").write_text(text)
+    assert desk.events() == []
+    assert '"taken": false' in (tmp_path / FOLDER / "1.answer").read_text()
+    assert not (tmp_path / FOLDER / "1.json").exists()
+
+
+def test_what_was_asked_of_a_run_before_is_not_asked_of_this_one(tmp_path: Path) -> None:
+    (tmp_path / FOLDER).mkdir()
+    (tmp_path / FOLDER / "1.json").write_text('{"what": "stop", "stream": null}')
+    assert OperatorsDesk(tmp_path, ["drone-1"]).events() == []
