@@ -18,6 +18,7 @@ from actors.commands import (
     evaluate,
     experiment,
     experiment_allocation,
+    export,
     fuse,
     init,
     mission,
@@ -29,6 +30,7 @@ from pipeline.errors import InputError, SearchlightError
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, help=__doc__)
 app.command()(allocate.allocate)
+app.command()(export.export)
 app.command()(fuse.fuse)
 app.command()(init.init)
 experiment_allocation.register(experiment.app)

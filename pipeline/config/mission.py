@@ -10,6 +10,7 @@ from pydantic import Field, field_validator, model_validator
 from pipeline.config.base import Strict, load, mismatch, refuse_repeated
 from pipeline.config.camera import CameraSource
 from pipeline.config.fusion import Fusion
+from pipeline.config.outputs import Outputs
 from pipeline.config.processing import Processing
 from pipeline.config.telemetry import Telemetry
 from pipeline.config.terrain import Terrain
@@ -105,6 +106,8 @@ class Mission(Strict):
     """A GeoJSON polygon of the ground to search. Absent: what the drones' ways enclose. Example:
     `area.geojson`.
     """
+    outputs: Outputs = Outputs()
+    """What a run writes for other tools. Absent: nothing."""
 
     @model_validator(mode="after")
     def _streams_are_unique(self) -> Mission:

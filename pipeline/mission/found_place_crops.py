@@ -12,6 +12,7 @@ from matplotlib import image as matplotlib_image
 from pipeline.fusion.look import Look
 from pipeline.fusion.salient import SalientLocation
 from pipeline.geo.camera import Camera
+from pipeline.ingest.in_file import InFile, in_file
 from pipeline.messages import FloatArray
 from pipeline.mission.prepared import PreparedMission
 from pipeline.mission.stages.source import StreamInput
@@ -23,11 +24,12 @@ Order = tuple[int, str, str, int]
 
 @dataclass(frozen=True, eq=False)
 class Crop:
-    """place: its id. sighting: the surest one there. png: what was seen."""
+    """place: its id. sighting: the surest one there. png: what was seen. at: where in the video; None: not known."""
 
     place: int
     sighting: Look
     png: bytes
+    at: InFile | None = None
 
 
 def found_place_crops(prepared: PreparedMission, locations: Sequence[SalientLocation]) -> list[Crop]:
@@ -71,7 +73,8 @@ def _cut(stream: StreamInput, camera: Camera, looks: dict[int, Look]) -> list[Cr
             continue
         for place in (p for p, t in time_s_of.items() if t == time_s):
             pixel = camera.project_enu(looks[place].intersection_enu[None], pose)[0]
-            pictures.append(Crop(place, looks[place], _crop(image, pixel)))
+            at = in_file(stream.source, time_s)
+            pictures.append(Crop(place, looks[place], _crop(image, pixel), at))
     return pictures
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import platform
 from collections.abc import Sequence
 from dataclasses import replace
+from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from pipeline.allocation.gantt import gantt
 from pipeline.allocation.plan import plan_to_json
 from pipeline.fusion.possible import found_and_possible
 from pipeline.fusion.salient import SalientLocation
+from pipeline.geo.search_area import load_search_area
 from pipeline.ingest.checks.box_sizes import check_box_sizes
 from pipeline.ingest.finding import Finding
 from pipeline.logs import LOG_FILE, Log, keep_log
@@ -26,15 +28,20 @@ from pipeline.mission.people_in_networks import check_networks
 from pipeline.mission.prepared import PreparedMission
 from pipeline.mission.run_state import save_run_state
 from pipeline.outputs.dji_route import write_dji_route
+from pipeline.outputs.exports.registry import write_exports
+from pipeline.outputs.exports.view import EXPORTS, read_run
 from pipeline.outputs.map_picture import map_picture, png, second_look_picture
+from pipeline.outputs.place_picture import FOLDER as PICTURES
+from pipeline.outputs.place_picture import PlacePicture
 from pipeline.outputs.report import ReportData, write_report
 from pipeline.outputs.saliency_tif import write_saliency
 from pipeline.outputs.salient_geojson import write_salient
 from pipeline.outputs.second_look_files import write_qgc_plan, write_second_flight, write_second_look
 from pipeline.outputs.summary import LinkUse, Summary, write_summary
 from pipeline.outputs.truth import TruePerson, load_truth, match_truth
+from pipeline.outputs.ways_geojson import write_search_area, write_tracks
 from pipeline.second_look.plan import plan_second_look
-from pipeline.storage.whole_or_nothing import run_directory, write_bytes, write_text
+from pipeline.storage.whole_or_nothing import make_folder, run_directory, write_bytes, write_text
 
 _LOG = Log("outputs")
 
@@ -61,6 +68,8 @@ def write_run_directory(prepared: PreparedMission, run: FinishedRun, out: Path) 
         coverage=second.coverage,
         earlier=() if prepared.onto is None else prepared.onto.flights,
     )
+    pictures = [PlacePicture(c.place, c.png, c.sighting.stream, c.sighting.time_ns, c.at) for c in crops]
+    area = None if mission.search_area is None else load_search_area(mission.search_area, prepared.frame)
     last_ns = max(s.start_ns + round((s.end_s - s.video.start_s) * 1e9) for s in prepared.streams)
     picture = second_look_picture(fuser.map, second.areas, second.flight)
     report = ReportData(
@@ -79,8 +88,13 @@ def write_run_directory(prepared: PreparedMission, run: FinishedRun, out: Path) 
             of_class = "" if voxel_map is fuser.map else f"-{name}"
             write_saliency(folder / f"saliency{of_class}.tif", voxel_map, run.partial)
         known = (summary.clock, prepared.heights, run.partial)
-        write_salient(folder / "salient.geojson", locations, summary.match, *known)
-        write_salient(folder / "possible.geojson", possible, None, *known)
+        write_salient(folder / "salient.geojson", locations, summary.match, *known, pictures)
+        write_salient(folder / "possible.geojson", possible, None, *known, pictures)
+        (folder / PICTURES).mkdir()
+        for shown in pictures:
+            write_bytes(folder / shown.path, shown.png)
+        write_tracks(folder / "tracks.geojson", tracks, prepared.frame)
+        write_search_area(folder / "search_area.geojson", area, prepared.frame)
         write_text(folder / "plan.json", plan_to_json(run.plan, prepared.problem))
         write_bytes(folder / "map.png", png(map_picture(fuser.map, tracks, locations, truth, possible)))
         write_bytes(folder / "schedule.png", png(schedule))
@@ -96,9 +110,25 @@ def write_run_directory(prepared: PreparedMission, run: FinishedRun, out: Path) 
         save_run_state(folder / STATE_FILE, prepared, fuser, summary, tracks, crops)
         write_report(folder / "report.html", report)
         write_summary(folder / "summary.json", summary)
+        _export(folder, mission.outputs.formats, last_ns)
         _LOG.event("verdict", kind=summary.verdict.kind, sentence=summary.verdict.sentence)
         keep_log(folder / LOG_FILE)
     return summary
+
+
+def _export(folder: Path, formats: Sequence[str], last_ns: int) -> None:
+    """What other tools open. A search is not lost because one of these files cannot be made."""
+    if not formats:
+        return
+    try:
+        write_exports(
+            folder / EXPORTS, read_run(folder, datetime.fromtimestamp(last_ns * 1e-9, UTC)), formats
+        )
+    except Exception as error:
+        _LOG.warning("export_failed", formats=list(formats), error=f"{type(error).__name__}: {error}")
+        make_folder(folder / EXPORTS)
+        said = f"These formats could not all be written: {', '.join(formats)}.\n{type(error).__name__}: {error}\n"
+        write_text(folder / EXPORTS / "FAILED.txt", said)
 
 
 def _summary(

@@ -12,6 +12,7 @@ from pipeline.fusion.salient import SalientLocation
 from pipeline.geo.heights import UNKNOWN, Heights
 from pipeline.ingest.track import Clock
 from pipeline.outputs.partial import Partial
+from pipeline.outputs.place_picture import PlacePicture, picture_json
 from pipeline.outputs.times import iso_time, zone_name
 from pipeline.outputs.truth import TruthMatch
 from pipeline.storage.versions import stamp
@@ -28,28 +29,42 @@ def write_salient(
     clock: Clock = "utc",
     heights: Heights = UNKNOWN,
     partial: Partial | None = None,
+    pictures: Sequence[PlacePicture] = (),
 ) -> None:
-    """Write one point per place: longitude, latitude (WGS84), height above the ellipsoid; none if it is not known.
+    """Write one point per place, the most probable first: longitude, latitude (WGS84), height above the ellipsoid; none
+    if it is not known.
 
     match: gives the property ``truth_distance_m``, the horizontal distance to the true place, if known. heights: what
     the map's heights, which are in the properties, count from. partial: of a run that ended too early; its sentence is
-    the member ``partial`` of the collection.
+    the member ``partial`` of the collection. pictures: of the places; the property says where they are.
     """
     distance_m = {} if match is None else match.distance_m
-    features = [_feature(location, distance_m.get(location.id), clock, heights) for location in locations]
+    shown: dict[int, list[dict[str, Any]]] = {}
+    for picture in pictures:
+        shown.setdefault(picture.place, []).append(picture_json(picture, clock))
+    ordered = sorted(locations, key=lambda place: (-place.probability, place.id))
+    features = [
+        _feature(place, distance_m.get(place.id), clock, heights, shown.get(place.id, []))
+        for place in ordered
+    ]
     said = {} if partial is None else {"partial": partial.sentence}
     collection = {"type": "FeatureCollection"} | stamp("places") | said | {"features": features}
     write_text(path, json.dumps(collection, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
 
 
 def _feature(
-    location: SalientLocation, truth_distance_m: float | None, clock: Clock, heights: Heights
+    location: SalientLocation,
+    truth_distance_m: float | None,
+    clock: Clock,
+    heights: Heights,
+    pictures: list[dict[str, Any]],
 ) -> dict[str, Any]:
     longitude, latitude = float(location.longitude_deg), float(location.latitude_deg)
     above = heights.ellipsoidal_m(float(location.height_m), latitude, longitude)
     point = [round(longitude, _DEGREE_DECIMALS), round(latitude, _DEGREE_DECIMALS)]
     point += [] if above is None else [round(above, _METER_DECIMALS)]
     properties: dict[str, Any] = {
+        "name": f"Place {location.id}",
         "class": location.class_name,
         "probability": round(float(location.probability), 6),
         **map_probability_json(location),
@@ -62,6 +77,7 @@ def _feature(
         "error_ellipse": ellipse_json(location.error),
         "spread_m": round(float(location.spread_m), _METER_DECIMALS),
         "cells": int(location.cells),
+        "pictures": pictures,
     }
     if truth_distance_m is not None:
         properties["truth_distance_m"] = round(float(truth_distance_m), _METER_DECIMALS)

@@ -8,7 +8,16 @@ from typing import Any
 from pipeline.errors import InputError
 
 #: of every JSON document and GeoTIFF that we write; raised when its meaning changes
-VERSIONS = {"evaluation": 1, "map": 1, "places": 1, "plan": 1, "second look": 1, "summary": 1}
+VERSIONS = {
+    "evaluation": 1,
+    "map": 1,
+    "places": 1,
+    "plan": 1,
+    "search area": 1,
+    "second look": 1,
+    "summary": 1,
+    "tracks": 1,
+}
 
 
 def stamp(kind: str) -> dict[str, Any]:

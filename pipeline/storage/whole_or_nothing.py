@@ -7,7 +7,7 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from uuid import uuid4
@@ -151,6 +151,12 @@ def _publish(temporary: Path, path: Path) -> None:
     for name in sorted(files, key=lambda p: p == Path(SUMMARY_FILE)):
         (path / name).parent.mkdir(parents=True, exist_ok=True)
         os.replace(temporary / name, path / name)
+
+
+def add_to_run(path: Path, names: Iterable[str]) -> None:
+    """List files that were written into a run's directory later: the next run there removes them with the rest."""
+    listed = _files_of_run(path) | {FILE_LIST} | set(names)
+    write_text(path / FILE_LIST, "".join(f"{name}\n" for name in sorted(listed)))
 
 
 def _files_of_run(path: Path) -> set[str]:

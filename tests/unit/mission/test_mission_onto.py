@@ -142,7 +142,7 @@ def test_a_third_flight_goes_on_with_both(both: tuple[Path, PreparedMission, Fin
 
 
 def kept(folder: Path) -> dict[str, bytes]:
-    return {p.name: p.read_bytes() for p in folder.iterdir()}
+    return {p.relative_to(folder).as_posix(): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
 
 
 def refused(mission: Path, run: Path, *said: str) -> None:

@@ -156,5 +156,6 @@ def test_every_change_of_state_of_a_run_leaves_a_line_in_its_directory(
     assert said.count(("fusion", "substream ends")) == substreams
     assert said.index(("allocation", "planned")) < said.index(("mission", "run begins"))
     listed = (tmp_path / "run/.run-files").read_text().splitlines()
-    assert sorted(listed) == sorted(p.name for p in (tmp_path / "run").iterdir())
+    run = tmp_path / "run"
+    assert sorted(listed) == sorted(p.relative_to(run).as_posix() for p in run.rglob("*") if p.is_file())
     assert not list(tmp_path.glob("*.log*"))
