@@ -59,6 +59,11 @@ def event_of(place: Place, view: RunView) -> bytes:
     return ElementTree.tostring(event, encoding="UTF-8", xml_declaration=True)
 
 
+def events_of(view: RunView) -> dict[str, bytes]:
+    """The events of all places, by uid, the most probable first."""
+    return {uid_of(view, place.id): event_of(place, view) for place in view.places}
+
+
 def gone_event(uid: str, at: datetime) -> bytes:
     """What takes the marker of a place from the map that a running mission does not hold any more."""
     event = _event(uid, "t-x-d-d", at, at + timedelta(minutes=1))

@@ -1,0 +1,54 @@
+"""A run that still flies, as far as the files in ``live/`` of its directory say."""
+
+from __future__ import annotations
+
+import json
+from contextlib import suppress
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from pipeline.outputs.exports.view import Kind, RunView, features_of, places_of
+
+#: of a run's directory while it flies; each file appears whole, and the found places come last
+LIVE = "live"
+_FOUND, _POSSIBLE, _STATUS, _REDUCER = "salient.geojson", "possible.geojson", "status.json", "reducer.json"
+
+
+def live_state(run: Path) -> tuple[int, int] | None:
+    """Another value whenever the places were written again; None where no run flies."""
+    try:
+        state = (run / LIVE / _FOUND).stat()
+    except OSError:
+        return None
+    return state.st_mtime_ns, state.st_ino
+
+
+def read_live(run: Path, made_at: datetime) -> RunView | None:
+    """The run so far: places without pictures, ways or map; None where no run flies, or no longer.
+
+    Raises InputError for places that cannot be used.
+    """
+    folder = run / LIVE
+    kinds: tuple[tuple[Kind, str], ...] = (("possible", _POSSIBLE), ("found", _FOUND))
+    if not (folder / _FOUND).is_file():
+        return None
+    places = [
+        (kind, folder / name, feature)
+        for kind, name in kinds
+        if (folder / name).is_file()
+        for feature in features_of(folder / name, "places")
+    ]
+    mission = str(_said(folder / _STATUS).get("mission") or run.absolute().name)
+    verdict = _said(folder / _REDUCER).get("verdict")
+    sentence = str(verdict.get("sentence", "")) if isinstance(verdict, dict) else ""
+    said = f"THE MISSION STILL FLIES. {sentence}".strip()
+    return RunView(mission, said, made_at, places_of(places, folder), (), (), (), None, None)
+
+
+def _said(path: Path) -> dict[str, Any]:
+    with suppress(OSError, ValueError):
+        document = json.loads(path.read_bytes())
+        if isinstance(document, dict):
+            return document
+    return {}
