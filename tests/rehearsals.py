@@ -98,7 +98,7 @@ def rehearsed(
         network=network,
         **options,
     )
-    rehearsal.run(until_s=TICKS / 10.0 + 60.0, note_s=(LAWS.quiet_s,))
+    rehearsal.run(until_s=TICKS / 10.0 + 60.0, note_s=LAWS.judged_s)
     return rehearsal
 
 

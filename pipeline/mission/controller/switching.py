@@ -13,7 +13,7 @@ from collections.abc import Collection, Iterable
 from dataclasses import replace
 
 from pipeline.mission.controller.orders import Order, Say
-from pipeline.mission.controller.state import MissionState, StreamState, with_stream
+from pipeline.mission.controller.state import Known, MissionState, StreamState, with_stream
 from pipeline.mission.controller.substreams import Opened, PlanEpoch, Substream
 
 
@@ -90,6 +90,12 @@ def _left(state: MissionState, now: float) -> MissionState:
             known[key] = replace(k, dead="not_used")
         elif now < k.left_s:
             known[key] = replace(k, left_s=now)
-        elif now - k.left_s > state.params.drain_s:
+        elif _had_time_to_drain(state, k, now):
             known[key] = replace(k, dead="not_drained")
     return replace(state, known=known)
+
+
+def _had_time_to_drain(state: MissionState, known: Known, now: float) -> bool:
+    """Whether its last results should long have come: time in which there was nobody to take them does not count."""
+    reducer = state.reducer.peer
+    return reducer.is_up and now - max(known.left_s, reducer.since_s) > state.params.drain_s

@@ -7,12 +7,16 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from pipeline.mission.controller.recorded import replay
-from pipeline.mission.controller.state import begin
+from pipeline.mission.controller.state import StreamState, begin
 from pipeline.mission.controller.substreams import Substream
 from pipeline.mission.rehearsal.rehearse import Rehearsal
 
 #: a loss is noticed within so long
 NOTICED_S = 2.0
+#: what happens at an actor is known to the controller after so long
+HEARD_S = 0.3
+#: a switch takes no longer
+SWITCH_S = 2.0
 #: so long a source may not have heard that a substream is closed
 VOID_S = 1.5
 
@@ -29,6 +33,11 @@ class LawParams:
     end_s: float = 25.0
     served: float = 0.9
     replayed: bool = True
+
+    @property
+    def judged_s(self) -> tuple[float, float]:
+        """When the controller's state is looked at: a switch that is under way then is over at the other time."""
+        return self.quiet_s, self.quiet_s + SWITCH_S
 
 
 def breaches(rehearsal: Rehearsal, params: LawParams) -> list[str]:
@@ -177,11 +186,16 @@ def _noticed(rehearsal: Rehearsal, params: LawParams) -> Iterator[str]:
 
 
 def _crashed(rehearsal: Rehearsal, params: LawParams) -> Iterator[str]:
-    """A substream whose detector broke says so; with a scheduler that was away, another reason may come first."""
+    """A substream whose detector broke says so; with a scheduler that was away, another reason may come first.
+
+    So it may with one that is being closed at that very moment.
+    """
     if any(f.target == "scheduler" for f in rehearsal.faults):
         return
-    for key in rehearsal.noted.crashed:
+    for crashed_s, key in rehearsal.noted.crashed:
         kept = rehearsal.reducer.disk.get(key)
+        if kept is not None and kept.closed is not None and kept.closed_s - crashed_s < HEARD_S:
+            continue
         if kept is not None and kept.closed not in ("detector_failed", "machine_lost", "ended", "not_used"):
             yield f"{key}: its detector crashed, it was closed as {kept.closed}"
 
@@ -207,12 +221,21 @@ def _not_into_the_void(rehearsal: Rehearsal, params: LawParams) -> Iterator[str]
 
 
 def _followed(rehearsal: Rehearsal, params: LawParams) -> Iterator[str]:
-    """When all is well again, every source follows what the plan wants."""
-    state = rehearsal.noted.states.get(params.quiet_s)
-    for name, stream in state.streams.items() if state is not None else ():
-        standing = stream.standing.substreams if stream.standing else ()
-        if not stream.ended and (standing != stream.wanted or len(stream.given) > 1):
+    """When all is well again, every source follows what the plan wants, but for the time of a switch."""
+    noted = rehearsal.noted.states
+    states = [noted[at_s] for at_s in params.judged_s if at_s in noted]
+    if len(states) < len(params.judged_s):  # it was over before
+        return
+    followed = {name for state in states for name, stream in state.streams.items() if _follows(stream)}
+    for name, stream in states[-1].streams.items():
+        if name not in followed:
+            standing = stream.standing.substreams if stream.standing else ()
             yield f"{name}: follows {standing}, wanted is {stream.wanted}"
+
+
+def _follows(stream: StreamState) -> bool:
+    standing = stream.standing.substreams if stream.standing else ()
+    return stream.ended or (standing == stream.wanted and len(stream.given) <= 1)
 
 
 def _served(rehearsal: Rehearsal, params: LawParams) -> Iterator[str]:

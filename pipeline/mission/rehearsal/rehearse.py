@@ -48,7 +48,8 @@ class NetworkParams:
 class Noted:
     """acknowledged: by substream, what the reducer said is safe. said: every line, with its time.
 
-    struck: faults of actors that the controller counted on at that moment. crashed: substreams whose detector broke.
+    struck: faults of actors that the controller counted on at that moment. crashed: substreams whose detector broke,
+    and when.
     states: of the controller, by time.
     """
 
@@ -56,7 +57,7 @@ class Noted:
     said: list[tuple[float, Say]] = field(default_factory=list)
     restarts: list[tuple[float, str]] = field(default_factory=list)
     struck: list[Fault] = field(default_factory=list)
-    crashed: list[Substream] = field(default_factory=list)
+    crashed: list[tuple[float, Substream]] = field(default_factory=list)
     states: dict[float, MissionState] = field(default_factory=dict)
 
 
@@ -210,6 +211,9 @@ class Rehearsal:
 
     # --- faults
 
+    def _note_crash(self, broken: list[Substream]) -> None:
+        self.noted.crashed += [(self.timeline.now, key) for key in broken]
+
     def _strike(self, fault: Fault) -> None:
         if fault.kind in ("rate", "down", "cut"):
             self._strike_link(fault)
@@ -219,7 +223,7 @@ class Rehearsal:
             self.noted.struck.append(fault)
         if fault.kind == "crash":
             machine = self.machines[fault.target.partition(":")[2]]
-            machine.receive(lambda: self.noted.crashed.extend(machine.break_detector(int(fault.number))))
+            machine.receive(lambda: self._note_crash(machine.break_detector(int(fault.number))))
         elif fault.kind == "stop" and process.alive:
             process.stop()
             incarnation = process.incarnation
