@@ -161,8 +161,20 @@ class LiveWiring(Wiring):
             self._snapshot = self._newest(before)
             self._log_ends(before, self._snapshot)
             collector.snapshot = self._snapshot
+            self._live_status()
             for source in self._snapshot.sources.values():
                 progress(source.stream, source.frames_done, source.frames_total)
+
+    def _live_status(self) -> None:
+        assert self._live is not None
+        record = self._record
+        self._live.write_if_due(
+            self._snapshot,
+            time.monotonic(),
+            timeline=record.timeline,
+            assignments=tuple(record.ran.values()),
+            lost=[actor for actor, peer in self._peers.items() if peer.due_s == float("inf")],
+        )
 
     def _newest(self, before: Snapshot) -> Snapshot:
         def of(kind: str, names: Any) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from pipeline.allocation.plan import Plan, assignment_to_json
-from pipeline.errors import SearchlightError, failure
+from pipeline.errors import SearchlightError, failure, in_one_line
 from pipeline.ingest.finding import Finding
 from pipeline.link.receiver import Receiver
 from pipeline.logs import Log, log_of_actor
@@ -19,13 +19,17 @@ from pipeline.mission.controller.events import ReducerReport
 from pipeline.mission.controller.orders import Expect
 from pipeline.mission.controller.substreams import Substream
 from pipeline.mission.durable_reducer import Acknowledgement
+from pipeline.mission.live_files import LiveMap
 from pipeline.mission.local import make_reducer
 from pipeline.mission.prepared import PreparedMission
 from pipeline.mission.run_journal import RunJournal, journal_findings
 from pipeline.mission.stages.reducer import HopHistogram, ReducerStage
+from pipeline.view.files import LIVE
 
 _LOG = Log("actors")
 Address = tuple[str, int]
+#: how often the live view is looked at, and how long it rests after a fault, seconds
+_LOOK_S, _AFTER_FAULT_S = 0.1, 10.0
 
 
 @dataclass(frozen=True)
@@ -54,7 +58,9 @@ class ReducerStatus:
 
 
 class ReducerActor:
-    """Takes results from every machine. A thread of its own commits what was taken, and writes checkpoints."""
+    """Takes results from every machine. A thread of its own commits what was taken, and writes checkpoints; another one
+    shows the map while it grows, see ``live_files``.
+    """
 
     def __init__(
         self,
@@ -73,7 +79,9 @@ class ReducerActor:
         self._changed = threading.Condition()
         self._error: SearchlightError | None = None
         self._finished = False
+        self._live = LiveMap(journal.folder.parent / LIVE, prepared)
         threading.Thread(target=self._keep, name="journal", daemon=True).start()
+        threading.Thread(target=self._show, name="live", daemon=True).start()
         self._receiver = Receiver(host, self._receive, token=token)
 
     def address(self) -> Address:
@@ -159,6 +167,16 @@ class ReducerActor:
                         self._durable.tick(time.monotonic())
         except Exception as error:
             self._error = failure(error)
+
+    def _show(self) -> None:
+        """Write the live view's snapshots; a fault of theirs must not cost the map."""
+        while not self._finished:
+            time.sleep(_LOOK_S)
+            try:
+                self._live.write_if_due(self._stage, time.monotonic(), self._changed)
+            except Exception as error:
+                _LOG.warning("live view not written", error=in_one_line(failure(error)))
+                self._live.due_s = time.monotonic() + _AFTER_FAULT_S
 
 
 def _warm_up(prepared: PreparedMission, plan: Plan) -> None:

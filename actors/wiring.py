@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from actors.calls import NoAnswerError, get, kill, named, remote, remote_here
+from actors.live_status import LiveStatus
 from actors.machine import MachineActor
 from actors.metrics import RunCollector, Snapshot
 from actors.reducer import ReducerActor
@@ -29,6 +30,7 @@ from pipeline.mission.stages.reducer import ReducerStage
 from pipeline.mission.stages.source import SourceCount, StreamInput
 from pipeline.mission.stopping import Stop, nothing_yet
 from pipeline.outputs.partial import CutOff, Partial
+from pipeline.view.files import LIVE
 
 _LOG = Log("actors")
 #: how often the actors are asked how they are, seconds
@@ -57,6 +59,7 @@ class Wiring:
         self._machines: dict[str, Any] = {}
         self._reducer: Any = None
         self._started = 0.0
+        self._live: LiveStatus | None = None
 
     def __enter__(self) -> Wiring:
         return self
@@ -85,6 +88,7 @@ class Wiring:
             plan, bandwidth_bps=self._used_links(plan), findings=self._prepared.findings
         )
         self._started = time.monotonic()
+        self._live = LiveStatus(journal.folder.parent / LIVE, self._prepared, self._options.pace)
         try:
             self._start(plan, journal)
             _LOG.event("actors started", machines=sorted({a.machine for a in plan.assignments}))
@@ -132,11 +136,16 @@ class Wiring:
             before, self._snapshot = self._snapshot, self._polled(self._snapshot)
             self._log_ends(before, self._snapshot)
             collector.snapshot = self._snapshot
+            self._live_status()
             for source in self._snapshot.sources.values():
                 progress(source.stream, source.frames_done, source.frames_total)
             if self._is_done(self._snapshot):
                 return
             time.sleep(POLL_S)
+
+    def _live_status(self) -> None:
+        if self._live is not None:
+            self._live.write_if_due(self._snapshot, time.monotonic())
 
     def _start_machines(self, plan: Plan) -> dict[str, tuple[str, int]]:
         reducer_address = get(self._reducer.address.remote(), "the reducer")

@@ -22,6 +22,7 @@ from pipeline.logs import ACTOR_LOGS, FOLDER_VARIABLE, logged_run
 from pipeline.mission.disk_forecast import disk_forecast, require_room
 from pipeline.mission.durable_reducer import JournalParams
 from pipeline.mission.find_mission import find_mission
+from pipeline.mission.live_files import begin_live, end_live
 from pipeline.mission.local import FinishedRun, run_local
 from pipeline.mission.noticed import noticed
 from pipeline.mission.onto import read_earlier_run
@@ -126,12 +127,14 @@ class _Begun:
             shutil.rmtree(self._out / ACTOR_LOGS, ignore_errors=True)
         if not (self._request.local or self._pace == "local"):
             make_folder(self._out / ACTOR_LOGS)
+        begin_live(self._out, self._prepared)
         return self._journal
 
     def forget(self) -> None:
         """A new run has failed before anything was taken."""
         if self._record is None and self._journal is not None:
             self._journal.discard()
+            end_live(self._out)
             if not self._was_there:
                 shutil.rmtree(self._out / ACTOR_LOGS, ignore_errors=True)
                 with suppress(OSError):  # logs, or what somebody has put there
@@ -140,6 +143,7 @@ class _Begun:
     def published(self, whole: bool) -> None:
         """What was found is written."""
         assert self._journal is not None
+        end_live(self._out)
         if whole:
             self._journal.discard()
         else:

@@ -17,6 +17,7 @@ from pipeline.link.sender import LinkState
 from pipeline.logs import Log
 from pipeline.messages import Message
 from pipeline.mission.durable_reducer import DurableReducer
+from pipeline.mission.live_files import LiveMap, write_local_status
 from pipeline.mission.missing import WhatIsMissing
 from pipeline.mission.onto import go_on
 from pipeline.mission.prepared import PreparedMission
@@ -29,6 +30,7 @@ from pipeline.mission.stopping import Stop
 from pipeline.outputs.partial import CutOff, Partial
 from pipeline.outputs.timeline import TimelineEntry
 from pipeline.sensor.substream import SubstreamModel, as_sent, substream_model
+from pipeline.view.files import LIVE
 
 _LOG = Log("mission")
 Progress = Callable[[str, int, int], None]
@@ -92,6 +94,7 @@ def run_local(
     _LOG.event("run begins", streams=[s.stream for s in prepared.streams], pace="local")
     reducer, stop = make_reducer(prepared, plan, lateness=False), stop or Stop()
     durable = None if journal is None else journal.reducer(reducer, started)
+    live = None if journal is None else LiveMap(journal.folder.parent / LIVE, prepared)
 
     def push(message: Message) -> None:
         if durable is None:
@@ -99,6 +102,8 @@ def run_local(
         else:
             durable.push(message, time.monotonic())
             durable.tick(time.monotonic())
+        if live is not None and live.write_if_due(reducer, time.monotonic()):
+            write_local_status(live.folder, prepared, plan, reducer, time.monotonic() - started)
 
     done = process(prepared, plan, push, progress, stop, durable)
     if done.error is not None:

@@ -22,6 +22,7 @@ from pipeline.logs import LOG_FILE, Log, keep_log
 from pipeline.messages import FloatArray
 from pipeline.mission.found_place_crops import found_place_crops
 from pipeline.mission.ledger import contradictions, stream_account, substream_counts
+from pipeline.mission.live_files import write_flight
 from pipeline.mission.local import FinishedRun
 from pipeline.mission.onto import STATE_FILE
 from pipeline.mission.people_in_networks import check_networks
@@ -42,6 +43,8 @@ from pipeline.outputs.truth import TruePerson, load_truth, match_truth
 from pipeline.outputs.ways_geojson import write_search_area, write_tracks
 from pipeline.second_look.plan import plan_second_look
 from pipeline.storage.whole_or_nothing import make_folder, run_directory, write_bytes, write_text
+from pipeline.view.files import SIGHTINGS
+from pipeline.view.sightings import sightings_json
 
 _LOG = Log("outputs")
 
@@ -95,6 +98,9 @@ def write_run_directory(prepared: PreparedMission, run: FinishedRun, out: Path) 
             write_bytes(folder / shown.path, shown.png)
         write_tracks(folder / "tracks.geojson", tracks, prepared.frame)
         write_search_area(folder / "search_area.geojson", area, prepared.frame)
+        starts = {s.stream: s.start_ns for s in prepared.streams}
+        write_text(folder / SIGHTINGS, sightings_json([*locations, *possible], prepared.cameras, starts))
+        write_flight(folder, prepared)
         write_text(folder / "plan.json", plan_to_json(run.plan, prepared.problem))
         write_bytes(folder / "map.png", png(map_picture(fuser.map, tracks, locations, truth, possible)))
         write_bytes(folder / "schedule.png", png(schedule))
