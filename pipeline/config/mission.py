@@ -107,7 +107,7 @@ class Mission(Strict):
     `area.geojson`.
     """
     outputs: Outputs = Outputs()
-    """What a run writes for other tools. Absent: nothing."""
+    """What a run writes for people and other tools. Absent: by the defaults."""
 
     @model_validator(mode="after")
     def _streams_are_unique(self) -> Mission:

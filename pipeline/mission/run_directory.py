@@ -71,20 +71,21 @@ def write_run_directory(prepared: PreparedMission, run: FinishedRun, out: Path) 
         coverage=second.coverage,
         earlier=() if prepared.onto is None else prepared.onto.flights,
     )
-    pictures = [PlacePicture(c.place, c.png, c.sighting.stream, c.sighting.time_ns, c.at) for c in crops]
     area = None if mission.search_area is None else load_search_area(mission.search_area, prepared.frame)
     last_ns = max(s.start_ns + round((s.end_s - s.video.start_s) * 1e9) for s in prepared.streams)
     picture = second_look_picture(fuser.map, second.areas, second.flight)
+    pictures = [PlacePicture(c.place, c.png, c.sighting.stream, c.sighting.time_ns, c.at) for c in crops]
     report = ReportData(
         summary,
         fuser.map,
         tracks,
         truth,
         schedule,
-        [(crop.place, crop.png) for crop in crops],
+        pictures,
         second.areas,
         second.flight,
         picture,
+        mission.outputs.time_zone,
     )
     with run_directory(out) as folder:
         for name, voxel_map in fuser.maps.items():

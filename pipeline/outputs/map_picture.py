@@ -20,6 +20,7 @@ from matplotlib.lines import Line2D
 from pipeline.fusion.salient import SalientLocation
 from pipeline.fusion.voxel_map import VoxelMap
 from pipeline.messages import FloatArray
+from pipeline.outputs.map_grid import draw_grid
 from pipeline.outputs.truth import TruePerson
 from pipeline.second_look.areas import SecondLookArea
 from pipeline.second_look.flight import SecondFlight
@@ -56,8 +57,7 @@ def map_picture(
     handles += _draw_places(axes, locations)
     handles += _draw_possible(axes, possible)
     _draw_scale_and_north(axes)
-    axes.set_xlabel("east of the map's origin, m")
-    axes.set_ylabel("north, m")
+    draw_grid(axes, voxel_map.terrain.frame)
     if handles:
         columns = 2
         figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False, fontsize=10)
@@ -108,8 +108,7 @@ def second_look_picture(voxel_map: VoxelMap, areas: Sequence[SecondLookArea], fl
     axes.plot(hover[:, 0], hover[:, 1], "o", color="#0072B2", mec="white", ms=6, zorder=5)
     axes.plot(*flight.home_enu[:2], marker="s", color="black", mec="white", ms=8, zorder=5)
     _draw_scale_and_north(axes)
-    axes.set_xlabel("east of the map's origin, m")
-    axes.set_ylabel("north, m")
+    draw_grid(axes, voxel_map.terrain.frame)
     handles = [
         Line2D([], [], ls="", marker="s", color="#E69F00", mec="#A05A00", label="worth a second look"),
         Line2D([], [], color="#0072B2", label="proposed flight (dot: hover, square: home)"),

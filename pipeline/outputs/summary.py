@@ -259,7 +259,14 @@ def _coverage(coverage: Coverage) -> dict[str, Any]:
         "seen_anywhere_m2": coverage.seen_m2,
     }
     rounded = {name: round(value, 1) for name, value in areas.items()}
-    return {"basis": coverage.basis, **rounded, "said": list(coverage.sentences)}
+    pod = {} if coverage.mean_pod is None else {"mean_pod": round(coverage.mean_pod, 4)}
+    return {
+        "basis": coverage.basis,
+        **rounded,
+        **pod,
+        "scope": coverage.scope,
+        "said": list(coverage.sentences),
+    }
 
 
 def _truth(match: TruthMatch) -> dict[str, Any]:

@@ -14,7 +14,8 @@ class Coverage:
     """basis: the mission's search ``area``; what the drones' ``ways`` enclose; ``none`` where there is neither.
 
     wanted_m2: of that ground. judged_m2: of it, where the terrain is known. looked_m2: of that, seen by a camera.
-    seen_m2: all ground that any camera saw, wherever it lies.
+    seen_m2: all ground that any camera saw, wherever it lies. mean_pod: the probability of detection of a person, mean
+    over the judged ground, 0 where nobody looked, by the sensor model; None: not known.
     """
 
     basis: Literal["area", "ways", "none"]
@@ -22,6 +23,7 @@ class Coverage:
     judged_m2: float
     looked_m2: float
     seen_m2: float
+    mean_pod: float | None = None
 
     @property
     def not_judged_m2(self) -> float:
@@ -38,6 +40,21 @@ class Coverage:
     def is_complete(self) -> bool:
         """Whether somebody looked at all that was wanted."""
         return self.basis != "none" and not self.not_judged_m2 and self.unseen_m2 == 0.0
+
+    @property
+    def scope(self) -> str:
+        """What was searched, of how much, and how well: the denominator of the verdict."""
+        if self.basis == "none":
+            return f"Cameras saw {self.seen_m2:,.0f} square metres; how much was to be searched is not known."
+        where = "the search area" if self.basis == "area" else "the ground that the drones flew around"
+        said = f"Searched: {self.looked_m2:,.0f} of {self.wanted_m2:,.0f} square metres of {where}"
+        said += f" ({min(self.looked_m2 / self.wanted_m2, 1.0):.1%})" if self.wanted_m2 > 0.0 else ""
+        if self.not_judged_m2:
+            said += f"; {self.not_judged_m2:,.0f} not judged"
+        if self.mean_pod is not None and self.judged_m2 > 0.0:
+            said += f". Of people on the ground that was judged, {self.mean_pod:.0%} would have been detected"
+            said += " (POD, by the sensor model)"
+        return f"{said}."
 
     @property
     def sentences(self) -> tuple[str, ...]:

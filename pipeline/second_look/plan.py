@@ -67,6 +67,7 @@ def plan_second_look(
         float(judged.sum()) * cell_m2,
         float((judged & seen).sum()) * cell_m2,
         float(seen.sum()) * cell_m2,
+        float(np.where(seen, layers.pod, 0.0)[judged].mean()) if judged.any() else None,
     )
     _LOG.event(
         "planned",

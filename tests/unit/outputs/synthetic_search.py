@@ -13,8 +13,10 @@ from pipeline.fusion.salient import SalientLocation
 from pipeline.fusion.voxel_map import VoxelMap
 from pipeline.geo.frame import LocalFrame
 from pipeline.geo.terrain import Terrain
+from pipeline.ingest.in_file import InFile
 from pipeline.messages import FloatArray
 from pipeline.outputs.accounting import StreamAccount
+from pipeline.outputs.place_picture import PlacePicture
 from pipeline.outputs.report import ReportData
 from pipeline.outputs.summary import LinkUse, MeanHops, SubstreamCount, Summary
 from pipeline.outputs.truth import TruePerson, match_truth
@@ -161,12 +163,17 @@ def search_of(found: bool = True, known: bool = True, size: Size = SIZE) -> Repo
     tracks = {"drone-1": serpentine(size, 0.0), "drone-2": serpentine(size, 1.7)}
     schedule = Figure(figsize=(6, 1.5))
     schedule.add_subplot().barh([0, 1], [2, 3])
-    crops = [(1, b"\x89PNG one"), (2, b"\x89PNG two")] if found else []
+    at = InFile("DJI_0001.MP4", 65.4, 1962)
+    pictures = [
+        PlacePicture(k, b"\x89PNG %d" % k, "drone-1", START_NS + k * 1_000_000_000, at if k == 1 else None)
+        for k in ((1, 2) if found else ())
+    ]
     return ReportData(
         summary_of(locations, truth),
         map_of(size, spots if found else np.zeros((0, 2))),
         tracks,
         truth,
         schedule,
-        crops,
+        pictures,
+        time_zone="Europe/Oslo",
     )
