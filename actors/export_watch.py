@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from actors.cot_sender import CotSender
+from actors.drone_events import DroneEvents
 from pipeline.errors import InputError
 from pipeline.outputs.exports.cot import event_of, gone_event, uid_of
 from pipeline.outputs.exports.live import live_state, read_live
@@ -42,6 +43,7 @@ class Follower:
         self._state: tuple[int, int] | None = None
         self._sent: dict[str, tuple[object, ...]] = {}
         self._fault = ""
+        self._drones = DroneEvents(wanted.run)
 
     async def follow(self) -> RunView:
         """Until the run is finished; its view then, which is handed over too. A run that begins later is waited for."""
@@ -82,6 +84,7 @@ class Follower:
         }
         events |= {uid: gone_event(uid, view.made_at) for uid in self._sent if uid not in now}
         self._sent = {uid: _shown(place) for uid, place in now.items()}
+        events |= self._drones.now(view)
         if events:
             sender.put(events)
 

@@ -58,7 +58,15 @@ class _JsonLines(logging.Formatter):
             "level": record.levelname.lower(),
             "event": record.getMessage(),
         }
-        return json.dumps(head | record.__dict__.get("fields", {}), ensure_ascii=False, default=str)
+        return json.dumps(head | record.__dict__.get("fields", {}), ensure_ascii=False, default=_as_text)
+
+
+def _as_text(value: object) -> str:
+    """What JSON cannot say. Of bytes and arrays, which may be pictures of people, only how many."""
+    if isinstance(value, bytes | bytearray | memoryview):
+        return f"<{memoryview(value).nbytes} bytes>"
+    shape = getattr(value, "shape", None)
+    return str(value) if shape is None else f"<{type(value).__name__} {shape}>"
 
 
 class _RunFile(logging.FileHandler):

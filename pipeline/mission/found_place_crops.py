@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from matplotlib import image as matplotlib_image
@@ -28,7 +28,7 @@ class Crop:
 
     place: int
     sighting: Look
-    png: bytes
+    png: bytes = field(repr=False)
     at: InFile | None = None
 
 

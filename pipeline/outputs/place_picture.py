@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from pipeline.ingest.in_file import InFile
@@ -21,7 +21,7 @@ class PlacePicture:
     """
 
     place: int
-    png: bytes
+    png: bytes = field(repr=False)
     stream: str
     time_ns: int
     at: InFile | None = None

@@ -4,12 +4,17 @@ import faulthandler
 import json
 import logging
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from pipeline.errors import InputError
 from pipeline.logs import FOLDER_VARIABLE, LOG_FILE, Log, keep_log, log_of_actor, logged_run
+from pipeline.mission.found_place_crops import Crop
+from pipeline.outputs.exports.view import PictureOf
+from pipeline.outputs.place_picture import PlacePicture
 
 
 def lines(path: Path) -> list[dict[str, object]]:
@@ -99,3 +104,26 @@ def test_an_actor_logs_where_the_environment_says(tmp_path: Path, monkeypatch: p
     (path,) = tmp_path.iterdir()
     assert path.name == "source-a-..-..-b-c.log"
     assert [json.loads(line)["event"] for line in path.read_text().splitlines()] == ["actor begins", "failed"]
+
+
+@pytest.mark.parametrize(
+    "wrap", [lambda value: value, lambda value: [{"a": value}], lambda value: {"b": [value]}]
+)
+def test_a_picture_of_a_person_is_never_in_a_log(tmp_path: Path, wrap: Callable[[object], object]) -> None:
+    pixels = np.arange(12, dtype=np.uint8).reshape(2, 2, 3) + 200
+    png = b"\x89PNG secret"
+    pictures = (
+        *(png, bytearray(png), memoryview(png), pixels),
+        *(PlacePicture(1, png, "a", 0), PictureOf(png, "a", "b"), Crop(1, None, png)),  # type: ignore[arg-type]
+    )
+    with logged_run(tmp_path / "run"):
+        for picture in pictures:
+            Log("outputs").event("crop", picture=wrap(picture))
+        keep_log(tmp_path / "kept")
+    text = (tmp_path / "kept").read_text(encoding="utf-8")
+    assert len(text.splitlines()) == len(pictures)
+    said = [json.dumps(line["picture"]) for line in lines(tmp_path / "kept")]
+    for secret in ("PNG", "secret", "200", "211"):
+        assert not [one for one in said if secret in one]
+    assert "<11 bytes>" in text
+    assert "<ndarray (2, 2, 3)>" in text

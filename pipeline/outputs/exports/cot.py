@@ -28,6 +28,8 @@ TYPE = "b-m-p-s-m"
 HOW = "m-f"
 #: an event is to be believed for so long; a place does not go away by itself
 STALE = timedelta(hours=24)
+#: a drone of our own in the air; where it was is not where it is for long
+DRONE_TYPE, DRONE_STALE = "a-f-A-M-H-Q", timedelta(seconds=30)
 #: half the diagonal of what positions are rounded to when they are redacted, metres
 _REDACTED_CE_M = 800.0
 
@@ -72,9 +74,19 @@ def gone_event(uid: str, at: datetime) -> bytes:
     return ElementTree.tostring(event, encoding="UTF-8", xml_declaration=True)
 
 
-def uid_of(view: RunView, place: int) -> str:
-    """The same for the same place of a mission, whenever it is sent. place: its id."""
-    return f"searchlight-{hashlib.sha256(view.mission.encode('utf-8', 'replace')).hexdigest()[:16]}-{place}"
+def drone_event(view: RunView, stream: str, latitude_deg: float, longitude_deg: float) -> bytes:
+    """Where a drone was last known to be. Its height and its error are not told: unknown."""
+    at = view.made_at
+    event = _event(uid_of(view, f"drone-{stream}"), DRONE_TYPE, at, at + DRONE_STALE, how="m-g")
+    position = {"lat": f"{latitude_deg:.8f}", "lon": f"{longitude_deg:.8f}"}
+    add(event, "point", **position, hae=UNKNOWN, ce=UNKNOWN, le=UNKNOWN)
+    add(add(event, "detail"), "contact", callsign=stream)
+    return ElementTree.tostring(event, encoding="UTF-8", xml_declaration=True)
+
+
+def uid_of(view: RunView, what: int | str) -> str:
+    """The same for the same thing of a mission, whenever it is sent. what: the id of a place, or another name."""
+    return f"searchlight-{hashlib.sha256(view.mission.encode('utf-8', 'replace')).hexdigest()[:16]}-{what}"
 
 
 def ce_m(place: Place) -> float:
@@ -84,9 +96,9 @@ def ce_m(place: Place) -> float:
     return place.error.semi_major_m / math.sqrt(chi_square_2(PROBABILITY))
 
 
-def _event(uid: str, kind: str, at: datetime, stale: datetime) -> Element:
+def _event(uid: str, kind: str, at: datetime, stale: datetime, how: str = HOW) -> Element:
     times = {"time": _time(at), "start": _time(at), "stale": _time(stale)}
-    return Element("event", {"version": "2.0", "uid": uid, "type": kind, "how": HOW, **times})
+    return Element("event", {"version": "2.0", "uid": uid, "type": kind, "how": how, **times})
 
 
 def _time(at: datetime) -> str:

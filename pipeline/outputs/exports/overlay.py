@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import matplotlib
@@ -22,7 +22,7 @@ _MOST_PIXELS = 2048
 class Overlay:
     """png: RGBA, transparent where nobody looked. north, south, east, west: of its edges, degrees."""
 
-    png: bytes
+    png: bytes = field(repr=False)
     north: float
     south: float
     east: float

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
 from typing import Any, Literal
@@ -32,7 +32,7 @@ class Ellipse:
 class PictureOf:
     """png: the file's bytes. stream, time: by whom and when (ISO 8601). file, file_s, frame: where in the video."""
 
-    png: bytes
+    png: bytes = field(repr=False)
     stream: str
     time: str
     file: str | None = None

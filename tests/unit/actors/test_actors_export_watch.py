@@ -7,8 +7,10 @@ import json
 import shutil
 import sys
 import time
+from datetime import UTC, datetime
 from pathlib import Path
 
+import numpy as np
 import pytest
 from lxml import etree
 from test_actors_cot_sender import Server, free_port
@@ -16,8 +18,18 @@ from typer.testing import CliRunner
 
 from actors.cli import app
 from actors.cot_sender import CotSender
+from actors.drone_events import DroneEvents
 from actors.export_watch import Follower, Wanted, with_sender
 from pipeline.errors import InputError, RunFailedError
+from pipeline.geo.camera import Camera
+from pipeline.geo.frame import LocalFrame
+from pipeline.outputs.exports import live
+from pipeline.outputs.exports.redaction import redacted
+from pipeline.outputs.exports.view import read_run
+from pipeline.view import files
+from pipeline.view.files import GROUND, POSES, REDUCER
+from pipeline.view.ground import Ground
+from pipeline.view.poses import Flight, encoded
 
 sys.path.append(str(Path(__file__).parents[1] / "outputs"))
 from run_folder import write_run
@@ -133,3 +145,38 @@ def test_what_cannot_be_sent_is_refused(finished: Path, tmp_path: Path, argument
     result = CliRunner().invoke(app, ["export", str(finished), "--out", str(tmp_path), *arguments])
     assert isinstance(result.exception, InputError)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_drone_is_where_it_took_its_newest_picture(finished: Path, tmp_path: Path) -> None:
+    camera = Camera(640, 360, 500.0, 500.0, 320.0, 180.0)
+    times = np.arange(0.0, 10.0, 0.2)
+    way = np.stack([5.0 * times, 100.0 - 2.0 * times, np.full_like(times, 50.0)], axis=1)
+    flight = Flight("drone-1", "air", camera, 10**18, (), times, way, np.zeros((50, 3, 3)), np.ones(50))
+    frame = LocalFrame(63.4, 10.4)
+    folder = tmp_path / "live"
+    folder.mkdir()
+    view = read_run(finished, datetime(2026, 5, 1, tzinfo=UTC))
+    drones = DroneEvents(tmp_path)
+    assert drones.now(view) == {}
+    (folder / GROUND).write_bytes(Ground(frame, 0.0, 0.0, 1.0, np.zeros((2, 2), dtype=np.float32)).encoded())
+    (folder / POSES).write_bytes(encoded([flight]))
+    for time_s in (0.0, 3.1, 99.0):
+        newest = {"drone-1": 10**18 + int(time_s * 1e9), "other": 5}
+        (folder / REDUCER).write_text(json.dumps({"newest_ns": newest}))
+        ((uid, event),) = drones.now(view).items()
+        point = etree.fromstring(event).find("point")
+        at_s = min(time_s, times[-1])
+        latitude, longitude = frame.wgs84_from_enu(np.array(5.0 * at_s), np.array(100.0 - 2.0 * at_s))
+        # positions are kept as float32: a hundredth of a millimetre here
+        assert float(point.get("lat")) == pytest.approx(float(latitude), abs=1e-7)
+        assert float(point.get("lon")) == pytest.approx(float(longitude), abs=1e-7)
+        assert point.get("hae") == "9999999.0"
+        assert uid.endswith("-drone-drone-1")
+    assert drones.now(redacted(view)) == {}
+    (folder / REDUCER).write_text("{")
+    assert drones.now(view) == {}
+
+
+def test_the_names_of_the_live_files_are_those_that_are_written() -> None:
+    assert (live.LIVE, live._FOUND, live._POSSIBLE) == (files.LIVE, files.FOUND, files.POSSIBLE)
+    assert (live._STATUS, live._REDUCER) == (files.STATUS, files.REDUCER)

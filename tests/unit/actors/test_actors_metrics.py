@@ -1,7 +1,10 @@
+import dataclasses
 import math
 import urllib.request
 from dataclasses import replace
+from typing import get_args, get_origin, get_type_hints
 
+import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -119,3 +122,23 @@ def test_the_verdict_is_a_gauge_by_reason() -> None:
         ("searchlight_verdict_doubts", "height_off_focal_length"): 2.0,
         ("searchlight_verdict_doubts", "boxes_refused_not_the_size_of_its_class_or_no_trust"): 80.0,
     }
+
+
+def test_nothing_that_metrics_are_made_of_can_hold_a_picture() -> None:
+    seen: set[object] = set()
+
+    def walk(hint: object) -> None:
+        assert hint not in (bytes, bytearray, memoryview, np.ndarray)
+        if hint in seen:
+            return
+        seen.add(hint)
+        for inner in get_args(hint):
+            walk(get_origin(inner) or inner)
+            walk(inner)
+        if dataclasses.is_dataclass(hint):
+            for inner in get_type_hints(hint).values():
+                walk(get_origin(inner) or inner)
+                walk(inner)
+
+    walk(Snapshot)
+    assert {MachineStatus, ReducerStatus, SourceStatus} <= seen
