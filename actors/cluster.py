@@ -28,15 +28,15 @@ _TAIL_BYTES = 64 * 1024
 
 
 @contextmanager
-def cluster(address: str | None, sites: Iterable[str], stop: Stop | None = None) -> Iterator[str]:
-    """Within it Ray is connected; yields the host on which the driver's channels listen.
+def cluster(address: str | None, sites: Iterable[str], stop: Stop | None = None) -> Iterator[None]:
+    """Within it Ray is connected.
 
     stop: a Ray of our own that takes longer to end than it leaves is killed.
     """
     sites, stop = tuple(sites), stop or Stop()
     if address is None:
-        with _local(sites, stop) as host:
-            yield host
+        with _local(sites, stop):
+            yield
         return
     import ray
 
@@ -56,13 +56,13 @@ def cluster(address: str | None, sites: Iterable[str], stop: Stop | None = None)
     retake_signals()
     try:
         require_sites(sites, ray.cluster_resources(), address)  # type: ignore[no-untyped-call]
-        yield ray.util.get_node_ip_address()  # type: ignore[no-untyped-call]
+        yield
     finally:
         ray.shutdown()
 
 
 @contextmanager
-def _local(sites: tuple[str, ...], stop: Stop) -> Iterator[str]:
+def _local(sites: tuple[str, ...], stop: Stop) -> Iterator[None]:
     # Ray otherwise replaces 127.0.0.1 by the machine's outside address, writes a token file into the home
     # folder, and reports usage to its makers.
     os.environ.setdefault("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")
@@ -92,7 +92,7 @@ def _local(sites: tuple[str, ...], stop: Stop) -> Iterator[str]:
             raise RunFailedError(f"Ray did not start ({reason}); try again, or run with --local") from None
         _silence()
         with swept(Path(folder)):
-            yield "127.0.0.1"
+            yield
     finally:
         _shut_down(stop)
         if (stop.reason or "").startswith("failed"):

@@ -70,7 +70,7 @@ class LiveWiring(Wiring):
 
     def plan(self) -> Plan:
         """The optimal plan, by the scheduler that goes on to host the controller."""
-        self._scheduler = remote(SchedulerActor, None).remote(self._prepared)
+        self._scheduler = remote_here(SchedulerActor).remote(self._prepared)
         plan: Plan = get(self._scheduler.plan.remote(), "the scheduler")
         return plan
 
@@ -101,14 +101,14 @@ class LiveWiring(Wiring):
 
     def _begin_reducer(self, incarnation: int) -> None:
         handle = remote_here(ReducerActor).remote(
-            self._prepared, self._plan, self._host, self._token, True, self._journal
+            self._prepared, self._plan, None, self._token, True, self._journal
         )
         self._reducer = handle
         self._peers[REDUCER] = _Peer(handle, incarnation, address=handle.address.remote())
 
     def _begin_machine(self, name: str, site: str, incarnation: int) -> None:
         codec = self._prepared.mission.processing.codec
-        handle = remote(MachineActor, site).remote(name, self._host, self._token, codec)
+        handle = remote(MachineActor, site).remote(name, None, self._token, codec)
         with_model = {d.id: d for d in self._prepared.pool.detectors if d.model is not None}
         reducer, layers = self._peers[REDUCER].reached, self._prepared.layers
         address = handle.begin.remote(with_model, reducer, layers, incarnation)
@@ -248,7 +248,7 @@ class LiveWiring(Wiring):
         except SearchlightError as error:
             self._note(Say("lost", "scheduler", in_one_line(error)))
             kill(self._scheduler)
-            self._scheduler = remote(SchedulerActor, None).remote(self._prepared)
+            self._scheduler = remote_here(SchedulerActor).remote(self._prepared)
             self._begin_scheduler()
             return
         self._record.take(recorded)

@@ -8,6 +8,7 @@ import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
+from actors.site import own_host
 from pipeline.allocation.plan import Assignment
 from pipeline.clock import Clock
 from pipeline.config.pool import PoolDetector
@@ -64,10 +65,12 @@ class MachineActor:
     """One machine with its detectors."""
 
     def __init__(
-        self, machine: str, host: str, token: bytes, codec: Codec, params: MachineParams | None = None
+        self, machine: str, host: str | None, token: bytes, codec: Codec, params: MachineParams | None = None
     ) -> None:
+        """host: to listen on; None: the node's own."""
         log_of_actor(f"machine-{machine}")
-        self._machine, self._host, self._token, self._codec = machine, host, token, codec
+        self._machine, self._token, self._codec = machine, token, codec
+        self._host = host or own_host()
         self._params, self._clock = params or MachineParams(), Clock()
         self._incarnation, self._sending = 0, threading.Lock()
         self._stuck: tuple[Message | None, float] = None, 0.0

@@ -37,8 +37,8 @@ def run_on_ray(
         say("starting Ray" if options.address is None else f"joining Ray at {options.address}")
         sites = [site.id for site in prepared.inventory.sites]
         with (
-            cluster(options.address, sites, stop) as host,
-            wiring_of(options)(prepared, options, host, stop) as wiring,
+            cluster(options.address, sites, stop),
+            wiring_of(options)(prepared, options, stop) as wiring,
         ):
             if plan is None:
                 say("planning")

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from actors.site import own_host
 from pipeline.allocation.plan import Plan, assignment_to_json
 from pipeline.errors import SearchlightError, failure, in_one_line
 from pipeline.ingest.finding import Finding
@@ -66,12 +67,14 @@ class ReducerActor:
         self,
         prepared: PreparedMission,
         plan: Plan,
-        host: str,
+        host: str | None,
         token: bytes,
         realtime: bool,
         journal: RunJournal,
     ) -> None:
-        """journal: on a disk of the node that the actor is on; what it holds is where the reducer begins."""
+        """host: to listen on; None: the node's own. journal: on a disk of the node that the actor is on; what it
+        holds is where the reducer begins.
+        """
         log_of_actor("reducer")
         _warm_up(prepared, plan)
         self._stage = make_reducer(prepared, plan, lateness=realtime)
@@ -82,7 +85,7 @@ class ReducerActor:
         self._live = LiveMap(journal.folder.parent / LIVE, prepared)
         threading.Thread(target=self._keep, name="journal", daemon=True).start()
         threading.Thread(target=self._show, name="live", daemon=True).start()
-        self._receiver = Receiver(host, self._receive, token=token)
+        self._receiver = Receiver(host or own_host(), self._receive, token=token)
 
     def address(self) -> Address:
         """Where the machines send their results."""

@@ -32,3 +32,11 @@ def require_sites(sites: Iterable[str], cluster: Mapping[str, float], address: s
                 f"no node with the resource {resource(site)!r}",
                 f"one, started with: {start}",
             )
+
+
+def own_host() -> str:
+    """The address of the node that the caller runs on: where its channels listen, and no other interface."""
+    import ray
+
+    host: str = ray.util.get_node_ip_address()  # type: ignore[no-untyped-call]
+    return host

@@ -52,8 +52,8 @@ class RunOptions:
 class Wiring:
     """Creates the actors of one run, joins their channels, and watches them."""
 
-    def __init__(self, prepared: PreparedMission, options: RunOptions, host: str, stop: Stop) -> None:
-        self._prepared, self._options, self._host, self._stop = prepared, options, host, stop
+    def __init__(self, prepared: PreparedMission, options: RunOptions, stop: Stop) -> None:
+        self._prepared, self._options, self._stop = prepared, options, stop
         self._token = secrets.token_bytes(32)
         self._sources: dict[str, Any] = {}
         self._machines: dict[str, Any] = {}
@@ -71,7 +71,7 @@ class Wiring:
                 kill(actor)
 
     def plan(self) -> Plan:
-        scheduler = remote(SchedulerActor, None).remote(self._prepared)
+        scheduler = remote_here(SchedulerActor).remote(self._prepared)
         plan: Plan = get(scheduler.plan.remote(), "the scheduler")
         kill(scheduler)
         return plan
@@ -106,12 +106,12 @@ class Wiring:
 
     def _start(self, plan: Plan, journal: RunJournal) -> None:
         self._reducer = remote_here(ReducerActor).remote(
-            self._prepared, plan, self._host, self._token, False, journal
+            self._prepared, plan, None, self._token, False, journal
         )
         codec = self._prepared.mission.processing.codec
         sites = {a.machine: a.site for a in plan.assignments}
         self._machines = {
-            machine: remote(MachineActor, site).remote(machine, self._host, self._token, codec)
+            machine: remote(MachineActor, site).remote(machine, None, self._token, codec)
             for machine, site in sites.items()
         }
         self._sources = {

@@ -1,0 +1,73 @@
+"""Over three hosts a run gives the map of one process, and a link that is cut costs frames and nothing else."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.three_hosts import ROOT, Hosts, refused, three_hosts
+
+pytestmark = [pytest.mark.ray, pytest.mark.timeout(400)]
+if (reason := refused()) is not None:
+    pytestmark.append(pytest.mark.skip(reason))
+
+
+@pytest.fixture(scope="module")
+def hosts() -> Iterator[Hosts]:
+    with three_hosts() as joined:
+        yield joined
+
+
+def _ended(process: subprocess.Popen[str]) -> str:
+    said, _ = process.communicate(timeout=240)
+    assert process.returncode == 0, said
+    return said
+
+
+def test_over_three_hosts_it_is_the_map_of_one_process(
+    hosts: Hosts, small_mission: Path, tmp_path: Path
+) -> None:
+    _ended(hosts.searchlight("run", str(small_mission), "--out", str(tmp_path / "three")))
+    local = [
+        sys.executable,
+        "-m",
+        "actors",
+        "run",
+        str(small_mission),
+        "--out",
+        str(tmp_path / "one"),
+        "--local",
+    ]
+    subprocess.run(local, cwd=ROOT, check=True, capture_output=True)
+    one, three = (tmp_path / name / "saliency.tif" for name in ("one", "three"))
+    assert three.read_bytes() == one.read_bytes()
+
+
+def test_a_link_that_is_cut_for_5_s_costs_frames_and_every_one_is_accounted_for(
+    hosts: Hosts, small_mission: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "run"
+    process = hosts.searchlight("run", str(small_mission), "--out", str(out), "--pace", "realtime")
+    until = time.monotonic() + 120.0
+    while not any("actors started" in p.read_text() for p in tmp_path.glob(".run.*.log.part")):
+        assert time.monotonic() < until, process.communicate(timeout=10)
+        assert process.poll() is None, process.communicate()
+        time.sleep(0.2)
+    time.sleep(2.0)
+    hosts.cut("d1")
+    time.sleep(5.0)
+    hosts.cut("d1", up=True)
+    _ended(process)
+    summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    assert summary["partial"] is None
+    for stream in summary["streams"]:
+        assert stream["captured"] == stream["processed"] + sum(stream["dropped"].values())
+        assert stream["processed"] > 0
+    said = [(entry["what"], entry["subject"]) for entry in summary["timeline"]]
+    assert ("lost", "source:drone-1") in said, "it was cut off, and that is said"

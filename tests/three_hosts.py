@@ -1,0 +1,123 @@
+"""Three hosts on one machine: network namespaces of their own addresses, joined by a bridge, a Ray node on each."""
+
+from __future__ import annotations
+
+import os
+import secrets
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+#: name of the namespace -> its address and the sites that it plays
+HOSTS = {"g": ("10.99.0.1", "ground"), "d1": ("10.99.0.11", "drone-1"), "d2": ("10.99.0.12", "drone-2")}
+PORT = 6379
+
+
+def refused() -> str | None:
+    """Why there can be no hosts here; None if there can."""
+    if os.geteuid() != 0:
+        return "network namespaces need root"
+    made = subprocess.run(["ip", "netns", "add", "slt-probe"], capture_output=True, check=False)
+    subprocess.run(["ip", "netns", "del", "slt-probe"], capture_output=True, check=False)
+    return None if made.returncode == 0 else f"no network namespaces here: {made.stderr.decode().strip()}"
+
+
+@dataclass
+class Hosts:
+    """tag: of this set of namespaces, of which there may be several. environment: of all that runs on them."""
+
+    tag: str
+    environment: dict[str, str]
+
+    def on(self, host: str, *command: str) -> list[str]:
+        """The command as one that runs on a host."""
+        return ["ip", "netns", "exec", f"{self.tag}-{host}", *command]
+
+    def ip(self, host: str, *words: str) -> None:
+        """``ip`` on a host."""
+        subprocess.run(self.on(host, "ip", *words), check=True, capture_output=True)
+
+    def cut(self, drone: str, *, up: bool = False) -> None:
+        """Take a drone off the network, or let it on again."""
+        self.ip("g", "link", "set", f"slv-{drone}", "up" if up else "down")
+
+    def start_node(self, host: str) -> None:
+        """Join a Ray node, as a team would: deployments/ray-node.sh."""
+        address, sites = HOSTS[host]
+        head = ["--head", f"--port={PORT}"] if host == "g" else [f"--address={HOSTS['g'][0]}:{PORT}"]
+        command = ["deployments/ray-node.sh", *head, f"--node-ip-address={address}", "--num-cpus=2"]
+        subprocess.run(
+            self.on(host, *command, "--object-store-memory=100000000"),
+            cwd=ROOT,
+            env=self.environment | {"SEARCHLIGHT_SITES": sites},
+            check=True,
+            capture_output=True,
+            timeout=120,
+        )
+
+    def searchlight(self, *arguments: str) -> subprocess.Popen[str]:
+        """The command on the ground station."""
+        command = [sys.executable, "-m", "actors", *arguments, "--address", f"{HOSTS['g'][0]}:{PORT}"]
+        return subprocess.Popen(
+            self.on("g", *command),
+            cwd=ROOT,
+            env=self.environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+
+
+@contextmanager
+def three_hosts(tag: str = "slt") -> Iterator[Hosts]:
+    """The hosts with their nodes; afterwards nothing of them is left."""
+    environment = os.environ | {
+        "RAY_AUTH_MODE": "token",
+        "RAY_AUTH_TOKEN": secrets.token_hex(32),
+        "RAY_USAGE_STATS_ENABLED": "0",
+        "PYTHONPATH": str(ROOT),
+        "SEARCHLIGHT_PYTHON": sys.executable,
+    }
+    hosts = Hosts(tag, environment)
+    try:
+        _wire(hosts)
+        for host in HOSTS:
+            hosts.start_node(host)
+        yield hosts
+    finally:
+        _end(hosts)
+
+
+def _wire(hosts: Hosts) -> None:
+    for host in HOSTS:
+        subprocess.run(["ip", "netns", "add", f"{hosts.tag}-{host}"], check=True, capture_output=True)
+        hosts.ip(host, "link", "set", "lo", "up")
+    hosts.ip("g", "link", "add", "br0", "type", "bridge")
+    hosts.ip("g", "link", "set", "br0", "type", "bridge", "forward_delay", "0")
+    hosts.ip("g", "addr", "add", f"{HOSTS['g'][0]}/24", "dev", "br0")
+    hosts.ip("g", "link", "set", "br0", "up")
+    for host in HOSTS:
+        if host == "g":
+            continue
+        hosts.ip("g", "link", "add", f"slv-{host}", "type", "veth", "peer", "name", "eth0", "netns",
+                 f"{hosts.tag}-{host}")  # fmt: skip
+        hosts.ip("g", "link", "set", f"slv-{host}", "master", "br0", "up")
+        hosts.ip(host, "addr", "add", f"{HOSTS[host][0]}/24", "dev", "eth0")
+        hosts.ip(host, "link", "set", "eth0", "up")
+
+
+def _end(hosts: Hosts) -> None:
+    """End what runs in the namespaces, by the process ids that they hold, and take them down."""
+    for host in HOSTS:
+        name = f"{hosts.tag}-{host}"
+        for number in (15, 9):
+            held = subprocess.run(["ip", "netns", "pids", name], capture_output=True, text=True, check=False)
+            for pid in held.stdout.split():
+                subprocess.run(["kill", f"-{number}", pid], capture_output=True, check=False)
+            time.sleep(0.5)
+        subprocess.run(["ip", "netns", "del", name], capture_output=True, check=False)
