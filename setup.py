@@ -11,5 +11,7 @@ packages = {".".join(("searchlight_configs", *folder.parts)): str(CONFIGS / fold
 setup(
     packages=[*find_packages(include=["pipeline*", "actors*"]), *packages],
     package_dir={"searchlight_configs": str(CONFIGS)},
-    package_data={"": ["*.j2", "*.yaml", "*.jpg", "*.tif"]} | {name: ["*"] for name in packages},
+    package_data={"": ["*.j2", "*.yaml", "*.jpg", "*.tif"]}
+    | {"actors.view": ["static/*", "static/leaflet/*"]}
+    | {name: ["*"] for name in packages},
 )

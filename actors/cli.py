@@ -155,6 +155,20 @@ def run(
 
 
 @app.command()
+def view(
+    run: Annotated[Path, typer.Argument(help="Run directory, of a run that is finished or that flies.")],
+    port: Annotated[int, typer.Option(help="0 for any free port.")] = 8750,
+    host: Annotated[
+        str, typer.Option(help="Interface; anything but loopback asks for the token that is printed.")
+    ] = "127.0.0.1",
+) -> None:
+    """Show a run in a browser, without internet: the map as it grows, and what reviewers decide."""
+    from actors.commands.view import view_run
+
+    view_run(run, host, port)
+
+
+@app.command()
 def demo(
     out: Annotated[Path, typer.Option(help="Run directory; new, empty, or of an earlier run.")],
     local: Annotated[bool, typer.Option("--local", help="In one process, without Ray.")] = False,

@@ -41,7 +41,7 @@ from pipeline.view.sightings import sightings_json
 #: between two snapshots, seconds
 PERIOD_S = 1.0
 #: of one core, at most
-SHARE = 0.05
+SHARE = 0.1
 #: poses a second that are kept of a flight, at most
 POSES_HZ = 5.0
 #: tiles of a map that is shown while it grows: 2 GiB of voxels

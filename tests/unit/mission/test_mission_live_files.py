@@ -120,7 +120,7 @@ def test_nothing_is_written_while_nothing_changes_and_not_more_often_than_it_may
     run, _, _ = flown
     live = LiveMap(tmp_path, prepared)
     assert live.write_if_due(run.reducer, 10.0)
-    assert live.due_s == pytest.approx(10.0 + max(live_files.PERIOD_S, live.cost_s * 19.0))
+    assert live.due_s == pytest.approx(10.0 + max(live_files.PERIOD_S, live.cost_s * 9.0))
     before = (tmp_path / REDUCER).stat().st_mtime_ns
     assert not live.write_if_due(run.reducer, live.due_s - 0.01)
     assert not live.write_if_due(run.reducer, live.due_s + 0.01)
