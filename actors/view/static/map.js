@@ -16,7 +16,7 @@ const SearchMap = (() => {
 
   function line(points, style, group) { return L.polyline(points.map(at), { interactive: false, ...style }).addTo(group); }
   function label(point, text, group) {
-    L.tooltip({ permanent: true, direction: "center", className: "label", interactive: false })
+    L.tooltip({ permanent: true, direction: "top", offset: [0, -8], className: "label", interactive: false })
       .setLatLng(at(point)).setContent(document.createTextNode(text)).addTo(group);
   }
   function text(value) { const span = document.createElement("span"); span.textContent = value; return span; }

@@ -273,13 +273,13 @@ $("time").addEventListener("input", () => {
   state.moment = s === null || share >= 1 ? null : s[0] + share * (s[1] - s[0]);
   draw();
 });
-$("play").addEventListener("click", () => { state.playing = !state.playing; $("play").textContent = state.playing ? "pause" : "play"; tick(); });
+$("play").addEventListener("click", () => { state.playing = !state.playing; $("play").textContent = state.playing ? "pause" : "replay"; tick(); });
 function tick() {
   if (!state.playing) return;
   const slider = $("time");
   slider.value = Number(slider.value) >= 1000 ? 0 : Number(slider.value) + 10;
   slider.dispatchEvent(new Event("input"));
-  if (Number(slider.value) < 1000) setTimeout(tick, 200); else { state.playing = false; $("play").textContent = "play"; }
+  if (Number(slider.value) < 1000) setTimeout(tick, 200); else { state.playing = false; $("play").textContent = "replay"; }
 }
 try { $("who").value = localStorage.getItem("who") || ""; } catch (_) { /* private window */ }
 $("who").addEventListener("change", () => { try { localStorage.setItem("who", $("who").value.trim()); } catch (_) { /* private window */ } });
