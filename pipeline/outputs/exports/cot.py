@@ -37,6 +37,9 @@ _REDACTED_CE_M = 800.0
 def write_cot(folder: Path, view: RunView) -> list[str]:
     """Write ``cot/place-ID.cot``, an XML file per place, which ATAK imports."""
     (folder / "cot").mkdir(exist_ok=True)
+    # places that are gone must not stay; what somebody else has put there does
+    for old in (folder / "cot").glob("place-*.cot"):
+        old.unlink()
     names = []
     for place in view.places:
         name = f"cot/place-{place.id}.cot"

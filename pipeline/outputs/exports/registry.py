@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -68,7 +67,4 @@ def write_exports(folder: Path, view: RunView, formats: Sequence[str]) -> list[s
         if view.redacted and FORMATS[name].exact:
             raise InputError("--redact", f"{name}, which is nothing but exact positions", "other formats")
     make_folder(folder)
-    if "cot" in formats:
-        # places that are gone must not stay
-        shutil.rmtree(folder / "cot", ignore_errors=True)
     return [file for name in formats for file in FORMATS[name].write(folder, view)]

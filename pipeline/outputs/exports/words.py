@@ -5,12 +5,13 @@ from __future__ import annotations
 import re
 
 import numpy as np
+from pyproj import Geod
 
 from pipeline.fusion.error_ellipse import ErrorEllipse
-from pipeline.geo.frame import LocalFrame
 from pipeline.outputs.exports.view import PictureOf, Place, Point, RunView
 from pipeline.outputs.place_picture import minutes_seconds
 
+_WGS84 = Geod(ellps="WGS84")
 #: what XML 1.0 cannot hold, and other characters that nobody sees
 _UNSEEN = re.compile(
     "[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff\u202a-\u202e\u2066-\u2069]"
@@ -78,7 +79,8 @@ def outline(place: Place) -> list[Point]:
     error = place.error
     ellipse = ErrorEllipse(error.semi_major_m, error.semi_minor_m, error.orientation_deg, np.eye(2))
     east_north = ellipse.outline(49)[::-1]
-    frame = LocalFrame(place.latitude_deg, place.longitude_deg)
-    latitude, longitude = frame.wgs84_from_enu(east_north[:, 0], east_north[:, 1])
+    azimuth, meters = np.degrees(np.arctan2(*east_north.T)), np.hypot(*east_north.T)
+    from_east, from_north = (np.full_like(meters, at) for at in (place.longitude_deg, place.latitude_deg))
+    longitude, latitude, _ = _WGS84.fwd(from_east, from_north, azimuth, meters)
     ring = [(round(float(x), 8), round(float(y), 8)) for x, y in zip(longitude, latitude, strict=True)]
     return [*ring[:-1], ring[0]]

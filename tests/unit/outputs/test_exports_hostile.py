@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import json
 import shutil
 from datetime import UTC, datetime
@@ -169,3 +170,15 @@ def test_nothing_found_is_an_empty_file_of_each_format(run: Path, tmp_path: Path
     write_exports(tmp_path / "out", view, list(FORMATS))
     assert (tmp_path / "out/places.csv").read_text().startswith("mission,rank,id,name")
     assert list((tmp_path / "out/cot").iterdir()) == []
+
+
+def test_files_of_others_stay_and_places_that_are_gone_go(run: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    view = read_run(run, AT)
+    write_exports(out, view, ["cot", "csv"])
+    (out / "cot/mine.cot").write_text("mine")
+    (out / "notes.txt").write_text("mine")
+    fewer = dataclasses.replace(view, places=view.places[:2])
+    write_exports(out, fewer, ["cot", "csv"])
+    assert sorted(p.name for p in (out / "cot").iterdir()) == ["mine.cot", "place-2.cot", "place-3.cot"]
+    assert (out / "notes.txt").read_text() == "mine"
