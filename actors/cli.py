@@ -161,11 +161,20 @@ def view(
     host: Annotated[
         str, typer.Option(help="Interface; anything but loopback asks for the token that is printed.")
     ] = "127.0.0.1",
+    export_coco: Annotated[
+        Path | None,
+        typer.Option(
+            help="Show nothing; write the pictures of confirmed and rejected places there, as COCO."
+        ),
+    ] = None,
 ) -> None:
     """Show a run in a browser, without internet: the map as it grows, and what reviewers decide."""
-    from actors.commands.view import view_run
+    from actors.commands.view import export_decided, view_run
 
-    view_run(run, host, port)
+    if export_coco is not None:
+        export_decided(run, export_coco)
+    else:
+        view_run(run, host, port)
 
 
 @app.command()

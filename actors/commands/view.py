@@ -9,9 +9,10 @@ from pathlib import Path
 import uvicorn
 
 from actors.terminal import say
-from actors.view.app import view_app
+from actors.view.app import Viewer, view_app
 from actors.view.guard import LOOPBACK
 from pipeline.errors import InputError
+from pipeline.view.coco import write_coco
 
 
 def view_run(run: Path, host: str, port: int) -> None:
@@ -24,6 +25,14 @@ def view_run(run: Path, host: str, port: int) -> None:
     say(f"{run} at {address}{'' if token is None else f'?token={token}'} (Ctrl-C ends it)")
     config = uvicorn.Config(app, log_level="warning", access_log=False, server_header=False)
     uvicorn.Server(config).run(sockets=[listening])
+
+
+def export_decided(run: Path, folder: Path) -> None:
+    """Write what was decided for training. Raises InputError without a run."""
+    viewer = Viewer(run)
+    written, missing = write_coco(folder, viewer.page().places, viewer.crop)
+    said = f"{written} pictures of confirmed and rejected places in {folder}"
+    say(f"{said}; of {missing} the video is gone" if missing else said)
 
 
 def _listen(host: str, port: int) -> socket.socket:
