@@ -172,6 +172,7 @@ def _summary(
         own_detections=run.own_detections,
         partial=run.partial,
         timeline=run.timeline,
+        time_zone=prepared.mission.outputs.time_zone,
     )
 
 

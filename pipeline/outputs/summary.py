@@ -102,6 +102,7 @@ class Summary:
     not made by this run come from, and what was assumed of them, a sentence each; empty: this run made them. possible:
     places below the threshold that were detected again and again. coverage: of the ground that was to be searched.
     earlier: flights whose map this run has continued. partial: why and where it ended too early; None: it did not.
+    time_zone: that people read times in, None: the mission names none.
     timeline: who was lost and came back, and what was changed for it, in real time.
     """
 
@@ -143,6 +144,7 @@ class Summary:
     earlier: Sequence[EarlierFlight] = ()
     partial: Partial | None = None
     timeline: Sequence[TimelineEntry] = ()
+    time_zone: str | None = None
 
 
 def write_summary(path: Path, summary: Summary) -> None:
@@ -167,6 +169,7 @@ def summary_to_json(summary: Summary) -> dict[str, Any]:
         "links": [_link(link) for link in summary.links],
         "verdict": asdict(summary.verdict),
         "clock": zone_name(summary.clock),
+        "time_zone": summary.time_zone,
         "found": [_place(place, summary.clock) for place in summary.locations],
         "expected_people": round(float(expected_people(summary.locations)), 3),
         "possible": [_place(place, summary.clock) for place in summary.possible],

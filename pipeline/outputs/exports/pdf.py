@@ -22,7 +22,7 @@ from reportlab.pdfbase.ttfonts import TTFont
 from reportlab.platypus import Image, KeepTogether, Paragraph, SimpleDocTemplate, Spacer, Table, TableStyle
 
 from pipeline.outputs.exports.view import Place, RunView
-from pipeline.outputs.exports.words import clean, said_of, what_to_do
+from pipeline.outputs.exports.words import clean, local_time, said_of, what_to_do
 from pipeline.storage.whole_or_nothing import write_bytes
 
 _FONT, _BOLD = "DejaVuSans", "DejaVuSans-Bold"
@@ -67,7 +67,7 @@ def _story(view: RunView) -> list[Any]:
         ("Possible places", view.possible),
     ):
         if places:
-            story += [_text(title, 13, bold=True), _table(places)]
+            story += [_text(title, 13, bold=True), _table(places, view)]
     if view.map_png is not None:
         picture = _picture(view.map_png.read_bytes(), _WIDTH, 160 * mm)
         story.append(KeepTogether([_text("Map", 13, bold=True), picture]))
@@ -81,7 +81,7 @@ def _story(view: RunView) -> list[Any]:
     return story
 
 
-def _table(places: tuple[Place, ...]) -> Table:
+def _table(places: tuple[Place, ...], view: RunView) -> Table:
     head = ("No.", "Probability", "What to do", "MGRS", "Latitude, longitude", "Seen")
     rows = [[_text(title, 8, bold=True) for title in head]]
     for place in places:
@@ -92,7 +92,7 @@ def _table(places: tuple[Place, ...]) -> Table:
             what_to_do(place),
             f"{place.mgrs}{error}",
             f"{place.latitude_deg:.6f}, {place.longitude_deg:.6f}",
-            f"{place.first_seen[:19].replace('T', ' ')} {place.clock}",
+            local_time(place.first_seen, place.clock, view),
         )
         rows.append([_text(cell, 8) for cell in cells])
     widths = [w * _WIDTH for w in (0.06, 0.12, 0.28, 0.2, 0.18, 0.16)]
@@ -115,7 +115,7 @@ def _details(place: Place, view: RunView) -> Any:
     # what redaction left out is said once, at the head
     said += [_text(f"{label}: {text}", 8) for label, text in said_of(place, view) if text != view.redacted]
     pictures = [_picture(picture.png, 38 * mm, 38 * mm) for picture in place.pictures[:3]]
-    times = [_text(f"{p.time} {place.clock}", 7, color=colors.grey) for p in place.pictures[:3]]
+    times = [_text(local_time(p.time, place.clock, view), 7, color=colors.grey) for p in place.pictures[:3]]
     beside = [part for pair in zip(pictures, times, strict=True) for part in pair]
     table = Table([[said, beside]], colWidths=[0.74 * _WIDTH, 0.26 * _WIDTH])
     table.setStyle(TableStyle([("VALIGN", (0, 0), (-1, -1), "TOP"), ("LEFTPADDING", (0, 0), (-1, -1), 0)]))

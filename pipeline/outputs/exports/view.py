@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
 from typing import Any, Literal
+from zoneinfo import ZoneInfo
 
 from pipeline.errors import InputError
 from pipeline.geo.grids import Utm, mgrs_of, utm_of
@@ -103,7 +104,8 @@ class RunView:
 
     places: the found ones, then the possible ones, each the most probable first. areas: to be searched. saliency,
     map_png: files, None where there is none or it is left out. limits: assumptions, warnings, a sentence each.
-    redacted: what was left out, a sentence; empty: nothing. absent: what the directory lacks, a sentence each.
+    redacted: what was left out, a sentence; empty: nothing. absent: what the directory lacks, a sentence
+    each. time_zone: that people read times in; None: UTC.
     """
 
     mission: str
@@ -118,6 +120,7 @@ class RunView:
     limits: tuple[str, ...] = ()
     redacted: str = ""
     absent: tuple[str, ...] = ()
+    time_zone: ZoneInfo | None = None
 
     @property
     def found(self) -> tuple[Place, ...]:
@@ -156,7 +159,16 @@ def read_run(folder: Path, made_at: datetime) -> RunView:
         picture if picture.is_file() else None,
         tuple(_limits(summary)),
         absent=tuple(f"the run directory has no {name}" for name in absent),
+        time_zone=_zone(summary.get("time_zone"), folder / "summary.json"),
     )
+
+
+def _zone(name: Any, path: Path) -> ZoneInfo | None:
+    try:
+        return None if name is None else ZoneInfo(name)
+    except (KeyError, ValueError, TypeError, OSError):
+        found = f"time_zone {str(name)[:40]!r}"
+        raise InputError(path, found, "a name of the IANA data base, or null") from None
 
 
 def features_of(path: Path, kind: str) -> list[dict[str, Any]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from datetime import datetime
 
 import numpy as np
 from pyproj import Geod
@@ -53,7 +54,8 @@ def said_of(place: Place, view: RunView) -> list[tuple[str, str]]:
         size = f"± {error.semi_major_m:.1f} × {error.semi_minor_m:.1f} m"
         size += f", long axis {error.orientation_deg:.0f}° from north"
         lines.append(("Error ellipse, 95 %", size))
-    lines.append(("Seen", f"{place.first_seen} to {place.last_seen} ({place.clock})"))
+    first, last = (local_time(at, place.clock, view) for at in (place.first_seen, place.last_seen))
+    lines.append(("Seen", f"{first} to {last}"))
     lines.append(("Looks, sightings", f"{place.looks}, {place.sightings}"))
     if place.streams:
         lines.append(("Streams", ", ".join(place.streams)))
@@ -61,6 +63,13 @@ def said_of(place: Place, view: RunView) -> list[tuple[str, str]]:
     if view.redacted:
         lines.append(("Note", view.redacted))
     return [(label, clean(text)) for label, text in lines]
+
+
+def local_time(time: str, clock: str, view: RunView) -> str:
+    """``2026-05-01 12:00:03 CEST``: a time as people read it, in the run's zone; one not on UTC stays as it is."""
+    if clock != "UTC" or view.time_zone is None:
+        return f"{time[:19].replace('T', ' ')} {clock}"
+    return f"{datetime.fromisoformat(time).astimezone(view.time_zone):%Y-%m-%d %H:%M:%S %Z}"
 
 
 def in_video(picture: PictureOf) -> str:

@@ -292,3 +292,30 @@ def test_a_height_is_above_the_ellipsoid_or_left_out(tmp_path: Path, datum: str 
         assert float(event.get("hae")) == 121.0
         assert place["geometry"]["coordinates"][2] == 121.0
     assert place["properties"]["height_datum"] == (datum or "not known")
+
+
+@pytest.mark.parametrize(
+    ("zone", "clock", "said"),
+    [
+        (None, "UTC", "2026-05-01 10:00:06 UTC to 2026-05-01 10:00:10 UTC"),
+        ("Europe/Oslo", "UTC", "2026-05-01 12:00:06 CEST to 2026-05-01 12:00:10 CEST"),
+        ("Europe/Oslo", "local time", "2026-05-01 10:00:06 local time to 2026-05-01 10:00:10 local time"),
+    ],
+)
+def test_people_read_times_in_the_zone_of_the_mission(
+    tmp_path: Path, zone: str | None, clock: str, said: str
+) -> None:
+    folder = write_run(tmp_path / "run")
+    summary = json.loads((folder / "summary.json").read_text())
+    assert summary["time_zone"] is None
+    (folder / "summary.json").write_text(json.dumps(summary | {"time_zone": zone}))
+    document = json.loads((folder / "salient.geojson").read_text())
+    for feature in document["features"]:
+        feature["properties"]["clock"] = clock
+    (folder / "salient.geojson").write_text(json.dumps(document))
+    write_exports(tmp_path / "out", read_run(folder, AT), ["gpx", "pdf", "csv"])
+    assert f"Seen: {said}" in (tmp_path / "out/places.gpx").read_text()
+    pages = pypdf.PdfReader(tmp_path / "out/report.pdf").pages
+    text = " ".join(" ".join(page.extract_text() for page in pages).split())
+    assert f"Seen: {said}" in text
+    assert "2026-05-01T10:00:06.000Z" in (tmp_path / "out/places.csv").read_text()

@@ -126,8 +126,13 @@ def _no_crop(folder: Path) -> None:
     (folder / "crops/place-1.png").unlink()
 
 
+def _no_zone(folder: Path) -> None:
+    document = json.loads((folder / "summary.json").read_text())
+    (folder / "summary.json").write_text(json.dumps(document | {"time_zone": "../Mars"}))
+
+
 @pytest.mark.parametrize(
-    "spoil", [_without_summary, _no_json, _a_list, _no_probability, _other_version, _no_crop]
+    "spoil", [_no_zone, _without_summary, _no_json, _a_list, _no_probability, _other_version, _no_crop]
 )
 def test_what_is_no_run_is_refused_in_one_line(run: Path, tmp_path: Path, spoil: object) -> None:
     folder = tmp_path / "run"
