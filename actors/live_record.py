@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -30,6 +31,7 @@ class LiveRecord:
     log: list[Recorded] = field(default_factory=list)
     timeline: list[TimelineEntry] = field(default_factory=list)
     ran: dict[tuple[str, str], Assignment] = field(default_factory=dict)
+    losses: Counter[str] = field(default_factory=Counter)
 
     @classmethod
     def of(cls, prepared: PreparedMission, run: Path, begun_s: float) -> LiveRecord:
@@ -56,6 +58,8 @@ class LiveRecord:
 
     def note(self, say: Say, now_s: float) -> None:
         """One line for the operator."""
+        if say.what == "lost":
+            self.losses[say.subject] += 1
         entry = TimelineEntry(round(now_s - self.begun_s, 3), say.what, say.subject, say.detail)
         self.timeline.append(entry)
         _LOG.event(say.what, subject=say.subject, detail=say.detail)

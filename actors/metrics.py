@@ -2,18 +2,28 @@
 
 from __future__ import annotations
 
+import platform
+import time
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib.metadata import version
 from wsgiref.simple_server import WSGIServer
 
 from prometheus_client import CollectorRegistry, start_http_server
-from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, HistogramMetricFamily, Metric
+from prometheus_client.core import (
+    CounterMetricFamily,
+    GaugeMetricFamily,
+    HistogramMetricFamily,
+    InfoMetricFamily,
+    Metric,
+)
 from prometheus_client.registry import Collector
 
 from actors.machine import MachineStatus
 from actors.reducer import ReducerStatus
 from actors.source import SourceStatus
+from actors.steady_counts import SteadyCounts
 from pipeline.allocation.plan import Plan
 from pipeline.errors import InputError
 from pipeline.ingest.finding import Finding
@@ -23,7 +33,10 @@ from pipeline.outputs.verdict import doubts_of
 
 @dataclass(frozen=True)
 class Snapshot:
-    """What the supervisor last heard of everybody. bandwidth_bps: (stream, site) -> limit. findings: of the checks."""
+    """What the supervisor last heard of everybody. bandwidth_bps: (stream, site) -> limit. findings: of the checks.
+
+    losses: how often each actor was lost (realtime).
+    """
 
     plan: Plan
     sources: Mapping[str, SourceStatus] = field(default_factory=dict)
@@ -31,25 +44,64 @@ class Snapshot:
     bandwidth_bps: Mapping[tuple[str, str], float] = field(default_factory=dict)
     machines: Mapping[str, MachineStatus] = field(default_factory=dict)
     findings: Sequence[Finding] = ()
+    losses: Mapping[str, int] = field(default_factory=dict)
 
 
 class RunCollector(Collector):
-    """Turns the snapshot into metrics at each scrape; there are none before there is a plan."""
+    """Turns each snapshot into metrics, which a scrape is given; there are none before there is a plan.
 
-    def __init__(self, snapshot: Snapshot | None = None) -> None:
-        self.snapshot = snapshot
+    clock: seconds, monotonic, and since 1970.
+    """
+
+    def __init__(
+        self,
+        snapshot: Snapshot | None = None,
+        clock: Callable[[], float] = time.monotonic,
+        utc: Callable[[], float] = time.time,
+    ) -> None:
+        self._clock, self._utc = clock, utc
+        self._steady, self._metrics, self._scrapes = SteadyCounts(), tuple[Metric, ...](), 0
+        if snapshot is not None:
+            self.snapshot = snapshot
+
+    @property
+    def snapshot(self) -> Snapshot | None:
+        """The newest one."""
+        return self._snapshot
+
+    @snapshot.setter
+    def snapshot(self, snapshot: Snapshot) -> None:
+        self._snapshot = snapshot
+        self._metrics = tuple(self._of(snapshot))
+
+    _snapshot: Snapshot | None = None
 
     def collect(self) -> Iterable[Metric]:
         """All metrics of the run; their names begin with searchlight_."""
-        snapshot = self.snapshot
-        if snapshot is None:
+        self._scrapes += 1
+        return self._metrics
+
+    def last_scrape(self, within_s: float) -> None:
+        """At the end of a run: all is final. Whoever has watched is given so long to fetch it."""
+        if self._snapshot is None:
             return
+        self._steady.settle_s = 0.0
+        self._metrics = tuple(self._of(self._snapshot))
+        scrapes, until_s = self._scrapes, self._clock() + within_s
+        while 1 < scrapes == self._scrapes and self._clock() < until_s:
+            time.sleep(0.05)
+
+    def _of(self, snapshot: Snapshot) -> Iterable[Metric]:
+        steady = self._steady
+        yield from _build_metrics()
         yield from _plan_metrics(snapshot.plan)
-        yield from _frame_metrics(snapshot)
-        yield from _link_metrics(snapshot)
+        yield from _actor_metrics(snapshot, self._utc())
+        yield from _frame_metrics(snapshot, steady, self._clock())
+        yield from _link_metrics(snapshot, steady)
+        yield from _queue_metrics(snapshot)
         yield from _verdict_metrics(snapshot)
         if snapshot.reducer is not None:
-            yield from _result_metrics(snapshot.reducer)
+            yield from _result_metrics(snapshot.reducer, steady)
 
 
 def serve(collector: RunCollector, port: int, host: str = "127.0.0.1") -> WSGIServer:
@@ -78,7 +130,44 @@ def _plan_metrics(plan: Plan) -> Iterable[Metric]:
     )
 
 
-def _frame_metrics(snapshot: Snapshot) -> Iterable[Metric]:
+def _build_metrics() -> Iterable[Metric]:
+    about = InfoMetricFamily("searchlight_build", "Which program this is")
+    about.add_metric([], {"version": version("searchlight"), "python": platform.python_version()})
+    yield about
+
+
+def _actor_metrics(snapshot: Snapshot, utc_s: float) -> Iterable[Metric]:
+    """Who has been heard of: a process that is replaced has another start."""
+    known = [(f"source:{n}", s.pid) for n, s in snapshot.sources.items()]
+    known += [(f"machine:{n}", m.pid) for n, m in snapshot.machines.items()]
+    known += [("reducer", snapshot.reducer.pid)] if snapshot.reducer is not None else []
+    heard = GaugeMetricFamily(
+        "searchlight_snapshot_timestamp_seconds", "When the supervisor last heard, since 1970", value=utc_s
+    )
+    processes = GaugeMetricFamily(
+        "searchlight_actor_process", "Process of an actor; another number is another life", labels=["actor"]
+    )
+    for name, pid in known:
+        processes.add_metric([name], pid)
+    losses = CounterMetricFamily("searchlight_actor_losses", "How often an actor was lost", labels=["actor"])
+    for name in sorted({name for name, _ in known} | set(snapshot.losses)):
+        losses.add_metric([name], snapshot.losses.get(name, 0))
+    yield from (heard, processes, losses)
+
+
+def _queue_metrics(snapshot: Snapshot) -> Iterable[Metric]:
+    waiting = GaugeMetricFamily(
+        "searchlight_machine_waiting",
+        "Packets that wait for a detector",
+        labels=["machine", "stream", "detector"],
+    )
+    for name, machine in snapshot.machines.items():
+        for (stream, detector), count in machine.waiting.items():
+            waiting.add_metric([name, stream, detector], count)
+    yield waiting
+
+
+def _frame_metrics(snapshot: Snapshot, steady: SteadyCounts, now_s: float) -> Iterable[Metric]:
     captured = CounterMetricFamily(
         "searchlight_frames_captured", "Frames of the video so far", labels=["stream"]
     )
@@ -96,16 +185,42 @@ def _frame_metrics(snapshot: Snapshot) -> Iterable[Metric]:
         labels=["stream"],
     )
     for stream, source in snapshot.sources.items():
-        outcomes = frame_outcomes(source, snapshot.reducer)
-        captured.add_metric([stream], max(source.frames_done, source.sampled))
-        contradiction.add_metric([stream], outcomes.pop("contradiction"))
-        flight.add_metric([stream], outcomes.pop("in_flight"))
+        outcomes = _steady_outcomes(frame_outcomes(source, snapshot.reducer), source, steady, now_s)
+        done = steady.of(("captured", stream), max(source.frames_done, source.sampled))
+        captured.add_metric([stream], done)
+        contradiction.add_metric([stream], max(0.0, sum(outcomes.values()) - done))
+        flight.add_metric([stream], max(0.0, done - sum(outcomes.values())))
         for outcome, count in outcomes.items():
             frames.add_metric([stream, outcome], count)
     yield captured
     yield frames
     yield flight
     yield contradiction
+
+
+def _steady_outcomes(
+    outcomes: Mapping[str, int], source: SourceStatus, steady: SteadyCounts, now_s: float
+) -> dict[str, float]:
+    """Only what is final, so that no count falls: one detector drops a frame, and another looks at it a moment later.
+
+    A new process of a source counts what the one before it has sent as its own loss, until the reducer's word on it.
+    """
+    flying = {"in_flight", "contradiction"}
+    final = {"processed", "not_sampled"}
+    return {
+        outcome: steady.of((source.stream, outcome), count)
+        if outcome in final
+        else steady.settled((source.stream, outcome), count, now_s)
+        for outcome, count in _without_heard(outcomes).items()
+        if outcome not in flying
+    }
+
+
+def _without_heard(outcomes: Mapping[str, int]) -> dict[str, int]:
+    counts = dict(outcomes)
+    if counts.get("source_late"):
+        counts["source_late"] = max(0, counts["source_late"] - counts["contradiction"])
+    return counts
 
 
 def frame_outcomes(source: SourceStatus, reducer: ReducerStatus | None) -> dict[str, int]:
@@ -124,22 +239,22 @@ def frame_outcomes(source: SourceStatus, reducer: ReducerStatus | None) -> dict[
     return dict(outcomes)
 
 
-def _link_metrics(snapshot: Snapshot) -> Iterable[Metric]:
+def _link_metrics(snapshot: Snapshot, steady: SteadyCounts) -> Iterable[Metric]:
     sent = CounterMetricFamily("searchlight_link_bytes", "Bytes sent over a link", labels=["stream", "site"])
     limit = GaugeMetricFamily(
         "searchlight_link_bandwidth_bps", "Bandwidth of a link", labels=["stream", "site"]
     )
     for stream, source in snapshot.sources.items():
         for site, count in source.bytes_sent.items():
-            sent.add_metric([stream, site], count)
+            sent.add_metric([stream, site], steady.of(("bytes", stream, site), count, source.pid))
     for (stream, site), bps in snapshot.bandwidth_bps.items():
         limit.add_metric([stream, site], bps)
     yield sent
     yield limit
-    yield from _measured_links(snapshot)
+    yield from _measured_links(snapshot, steady)
 
 
-def _measured_links(snapshot: Snapshot) -> Iterable[Metric]:
+def _measured_links(snapshot: Snapshot, steady: SteadyCounts) -> Iterable[Metric]:
     """What the senders know of their links, and what was refused at the doors."""
     labels = ["stream", "site"]
     rate = GaugeMetricFamily("searchlight_link_rate_bps", "What a link lets through, measured", labels=labels)
@@ -158,7 +273,7 @@ def _measured_links(snapshot: Snapshot) -> Iterable[Metric]:
         for site, link in source.links.items():
             rate.add_metric([stream, site], link.rate_bps)
             backlog.add_metric([stream, site], link.backlog_s)
-            lost.add_metric([stream, site], link.lost)
+            lost.add_metric([stream, site], steady.of(("lost", stream, site), link.lost, source.pid))
             down.add_metric([stream, site], len(link.down))
     yield from (rate, backlog, lost, down)
     rejected = CounterMetricFamily(
@@ -167,9 +282,10 @@ def _measured_links(snapshot: Snapshot) -> Iterable[Metric]:
         labels=["actor"],
     )
     for name, machine in snapshot.machines.items():
-        rejected.add_metric([name], machine.rejected)
+        rejected.add_metric([name], steady.of(("rejected", name), machine.rejected, machine.pid))
     if snapshot.reducer is not None:
-        rejected.add_metric(["reducer"], snapshot.reducer.rejected)
+        count = steady.of(("rejected", "reducer"), snapshot.reducer.rejected, snapshot.reducer.pid)
+        rejected.add_metric(["reducer"], count)
     yield rejected
 
 
@@ -194,12 +310,12 @@ def _verdict_metrics(snapshot: Snapshot) -> Iterable[Metric]:
     yield reasons
 
 
-def _result_metrics(reducer: ReducerStatus) -> Iterable[Metric]:
+def _result_metrics(reducer: ReducerStatus, steady: SteadyCounts) -> Iterable[Metric]:
     results = CounterMetricFamily(
         "searchlight_results", "Results applied to the map", labels=["stream", "detector"]
     )
     for (stream, detector), count in reducer.results.items():
-        results.add_metric([stream, detector], count)
+        results.add_metric([stream, detector], steady.of(("results", stream, detector), count))
     dropped = CounterMetricFamily(
         "searchlight_results_dropped",
         "Frames of a substream without a result",
@@ -207,12 +323,14 @@ def _result_metrics(reducer: ReducerStatus) -> Iterable[Metric]:
     )
     for (stream, detector), reasons in reducer.dropped.items():
         for reason, count in reasons.items():
-            dropped.add_metric([stream, detector, reason], count)
+            dropped.add_metric(
+                [stream, detector, reason], steady.of(("dropped", stream, detector, reason), count)
+            )
     not_taken = CounterMetricFamily(
         "searchlight_evidence_not_taken", "Evidence that the map did not take", labels=["reason"]
     )
     for reason, count in reducer.not_taken.items():
-        not_taken.add_metric([reason], count)
+        not_taken.add_metric([reason], steady.of(("not taken", reason), count))
     latency = HistogramMetricFamily(
         "searchlight_hop_seconds",
         "Time a result spent on each part of its way",
@@ -220,11 +338,13 @@ def _result_metrics(reducer: ReducerStatus) -> Iterable[Metric]:
     )
     for (stream, detector), hops in reducer.hops.items():
         for hop, histogram in hops.items():
-            total, buckets = 0, []
+            total, buckets = 0.0, list[tuple[str, float]]()
             for bound, count in zip([*map(str, LATENCY_BUCKETS_S), "+Inf"], histogram.counts, strict=True):
-                total += count
+                total += steady.of((stream, detector, hop, bound), count)
                 buckets.append((bound, total))
-            latency.add_metric([stream, detector, hop], buckets, histogram.sum_s)
+            latency.add_metric(
+                [stream, detector, hop], buckets, steady.of((stream, detector, hop), histogram.sum_s)
+            )
     yield results
     yield dropped
     yield not_taken

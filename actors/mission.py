@@ -17,6 +17,8 @@ from pipeline.mission.run_journal import RunJournal
 from pipeline.mission.stopping import Stop
 
 _LOG = Log("actors")
+#: who has scraped a run gets so long to fetch its last values, seconds
+_LAST_SCRAPE_S = 5.0
 
 
 def run_on_ray(
@@ -64,6 +66,7 @@ def _metrics(options: RunOptions, say: Callable[[str], None]) -> Iterator[RunCol
     say(f"metrics at http://{options.metrics_host}:{server.server_port}/metrics")
     try:
         yield collector
+        collector.last_scrape(_LAST_SCRAPE_S)
     finally:
         server.shutdown()
         server.server_close()

@@ -168,6 +168,20 @@ def test_a_second_ray_node_takes_a_site_and_prometheus_scrapes_the_run(
         assert all(float(r["value"][1]) > 0 for r in processed)
         assert _query(island, "max_over_time(searchlight_link_bytes_total[10m])")
         assert _query(island, "max_over_time(searchlight_hop_seconds_count[10m])")
+        summary = json.loads((out / "summary.json").read_text())
+        for stream in summary["streams"]:
+            last = f'max_over_time(searchlight_frames_captured_total{{stream="{stream["stream"]}"}}[10m])'
+            assert float(_query(island, last)[0]["value"][1]) == stream["captured"], (
+                "the last values are scraped"
+            )
+            looked = last.replace("captured_total{", 'total{outcome="processed",')
+            assert float(_query(island, looked)[0]["value"][1]) == stream["processed"]
+        for name in ("searchlight_frames_total", "searchlight_link_bytes_total", "searchlight_results_total"):
+            assert all(float(r["value"][1]) == 0 for r in _query(island, f"resets({name}[10m])")), (
+                "a count fell"
+            )
+        for expression in _of_the_dashboard():
+            assert _query(island, f"last_over_time(({expression})[10m:1s])"), expression
     finally:
         prometheus.terminate()
         prometheus.wait(30)
@@ -207,6 +221,13 @@ while "site:{site}" not in ray.cluster_resources():
     assert time.monotonic() < end, "the site does not come"
     time.sleep(0.5)
 """
+
+
+def _of_the_dashboard() -> list[str]:
+    """Its queries, but those that are empty in a run that is well."""
+    dashboard = json.loads((ROOT / "deployments/prometheus/grafana-dashboard.json").read_text())
+    asked = [target["expr"] for panel in dashboard["panels"] for target in panel["targets"]]
+    return [e for e in asked if not any(name in e for name in ("verdict_doubts", "not_taken", "outcome!~"))]
 
 
 def _query(island: Island, expression: str) -> list[dict]:  # type: ignore[type-arg]
