@@ -91,7 +91,7 @@ def _table(places: tuple[Place, ...], view: RunView) -> Table:
             f"{place.probability:.0%}",
             what_to_do(place),
             f"{place.mgrs}{error}",
-            f"{place.latitude_deg:.6f}, {place.longitude_deg:.6f}",
+            place.position,
             local_time(place.first_seen, place.clock, view),
         )
         rows.append([_text(cell, 8) for cell in cells])
@@ -139,6 +139,8 @@ def _text(text: str, size: float, *, bold: bool = False, color: Any = colors.bla
         spaceBefore=0.5 * size,
         spaceAfter=0.15 * size,
         textColor=color,
+        # a title stays with what it is the title of
+        keepWithNext=bold and size >= 13,
     )
     return Paragraph(escape(clean(text)), style)
 

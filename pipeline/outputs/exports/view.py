@@ -79,6 +79,12 @@ class Place:
         return f"{'Place' if self.kind == 'found' else 'Possible place'} {self.id} ({self.probability:.0%})"
 
     @property
+    def position(self) -> str:
+        """Latitude and longitude for people: with no more decimals than are meant."""
+        decimals = 7 if self.mgrs_digits == 5 else 2
+        return f"{self.latitude_deg:.{decimals}f}, {self.longitude_deg:.{decimals}f}"
+
+    @property
     def mgrs(self) -> str:
         """The square that it lies in."""
         return mgrs_of(self.latitude_deg, self.longitude_deg, self.mgrs_digits)

@@ -44,7 +44,7 @@ def said_of(place: Place, view: RunView) -> list[tuple[str, str]]:
         ("Class", place.class_name),
         ("Probability", f"{place.probability:.1%}"),
         ("MGRS", place.mgrs),
-        ("Latitude, longitude (WGS84)", f"{place.latitude_deg:.7f}, {place.longitude_deg:.7f}"),
+        ("Latitude, longitude (WGS84)", place.position),
     ]
     if utm is not None and not view.redacted:
         lines.append(("UTM (WGS84)", utm.text))

@@ -263,7 +263,7 @@ def test_pdf_says_verdict_and_every_place(handed_over: tuple[RunView, Path]) -> 
     assert view.verdict in text
     for place in view.places:
         assert place.mgrs in text
-        assert f"{place.latitude_deg:.6f}, {place.longitude_deg:.6f}" in text
+        assert f"{place.latitude_deg:.7f}, {place.longitude_deg:.7f}" in text
     assert text.index(view.found[0].mgrs) < text.index(view.found[1].mgrs) < text.index(view.possible[0].mgrs)
     # three crops and the map
     assert sum(len(page.images) for page in pages) == 4

@@ -68,6 +68,14 @@ def test_every_number_that_could_be_a_position_is_coarse(left: tuple[RunView, Pa
         assert not {"utm", "error_ellipse_95", "height_m", "streams"} & set(feature["properties"])
 
 
+def test_people_read_no_more_decimals_than_are_meant(left: tuple[RunView, Path]) -> None:
+    _, out = left
+    texts = everything(out)
+    for name in ("report.pdf", "places.kmz", "places.gpx", "place-1.cot"):
+        assert "63.40, 10.40" in " ".join(texts[name].split()), name
+        assert "63.4000000" not in texts[name].partition("Latitude, longitude")[2].partition("Seen")[0], name
+
+
 def test_every_file_says_what_was_left_out(left: tuple[RunView, Path]) -> None:
     _, out = left
     for name, text in everything(out).items():
