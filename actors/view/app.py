@@ -50,9 +50,16 @@ class Viewer:
 
     def version(self) -> str:
         """Another one whenever anything may have changed."""
-        folder = find_run(self._run)
-        stamps = [_stamp(folder.folder / name) for name in (FOUND, MAP, REDUCER, STATUS, "summary.json")]
-        return "-".join([folder.state, *stamps, _stamp(self._run / DECISIONS)])
+        return f"{self.map_version()}-{self._stamps(REDUCER, STATUS)}"
+
+    def map_version(self) -> str:
+        """Another one whenever places, layer or decisions may have changed."""
+        stamps = self._stamps(FOUND, MAP, "summary.json")
+        return f"{find_run(self._run).state}-{stamps}-{_stamp(self._run / DECISIONS)}"
+
+    def _stamps(self, *names: str) -> str:
+        folder = find_run(self._run).folder
+        return "-".join(_stamp(folder / name) for name in names)
 
     def page(self) -> RunPage:
         """The run as it is now."""
@@ -179,6 +186,9 @@ def view_app(run: Path, token: str | None) -> Starlette:
         ground = viewer.page().ground
         return _absent() if ground is None else Response(hillshade_png(ground), media_type="image/png")
 
+    def version(_: Request) -> Response:
+        return JSONResponse({"version": viewer.version(), "map": viewer.map_version()})
+
     def saw(request: Request) -> Response:
         east, north = _number(request, "e"), _number(request, "n")
         return JSONResponse(viewer.page().saw(east, north))
@@ -212,8 +222,9 @@ def view_app(run: Path, token: str | None) -> Starlette:
     return Starlette(
         routes=[
             Route("/", answering(lambda _: FileResponse(STATIC / "index.html"))),
-            Route("/api/version", answering(lambda _: JSONResponse({"version": viewer.version()}))),
+            Route("/api/version", answering(version)),
             Route("/api/now", answering(lambda _: JSONResponse(viewer.page().now()))),
+            Route("/api/said", answering(lambda _: JSONResponse(viewer.page().said()))),
             Route("/api/flown", answering(lambda _: JSONResponse(viewer.page().flown()))),
             Route("/api/saw", answering(saw)),
             Route("/api/decide", decide, methods=["POST"]),

@@ -92,10 +92,14 @@ class RunPage:
             "unreadable_decisions": log.unreadable,
             "standing": [asdict(d) for d in log.standing],
             "layer": None if layer is None else _bounds(layer.east_m, layer.north_m, layer.cell_m, layer.pod),
-            "run": self._said(),
+            "run": self._run(),
         }
 
-    def _said(self) -> dict[str, Any]:
+    def said(self) -> dict[str, Any]:
+        """What changes every second of a run that flies, and is small however many places there are."""
+        return {"state": self.folder.state, "run": self._run()}
+
+    def _run(self) -> dict[str, Any]:
         """The summary, or while the run flies what reducer and actors say."""
         if self.folder.state == "finished":
             summary = json.loads(self.folder.read("summary.json") or b"{}")

@@ -1,7 +1,8 @@
 "use strict";
 const $ = (id) => document.getElementById(id);
 const POLL_MS = 500;
-const state = { version: "", now: null, flown: null, flownOf: "", chosen: null, moment: null, playing: false };
+const MOST_LISTED = 200;
+const state = { version: "", map: "", now: null, flown: null, flownOf: "", chosen: null, moment: null, playing: false };
 
 // Everything that comes from a run is put in as text, never as HTML.
 function el(tag, props = {}, ...children) {
@@ -59,7 +60,7 @@ function down() {
 function draw() {
   if (!state.now) return;
   const shown = places();
-  SearchMap.layer($("layer").value, state.now.layer, state.version);
+  SearchMap.layer($("layer").value, state.now.layer, state.map);
   if (state.flown) SearchMap.drones(state.flown.flights, moment(), down());
   SearchMap.drawPlaces(shown, state.chosen, choose);
   list("found", shown.filter((p) => p.kind === "found"));
@@ -73,13 +74,15 @@ function list(kind, of) {
   const head = $(`${kind}-head`);
   head.textContent = `${kind === "found" ? "Found" : "Possible"}: ${of.length}`;
   const focused = document.activeElement && document.activeElement.dataset ? document.activeElement.dataset.place : null;
-  $(kind).replaceChildren(...order(of).map((p) => {
+  const sorted = order(of), listed = sorted.filter((p, k) => k < MOST_LISTED || p.id === state.chosen);
+  const more = sorted.length - listed.length;
+  $(kind).replaceChildren(...listed.map((p) => {
     const mark = p.conflict ? "reviewers disagree" : p.net > 0 ? "✓ confirmed" : p.net < 0 ? "✕ rejected" : "";
     return el("li", {}, el("button", { type: "button", "data-place": p.id, "aria-current": p.id === state.chosen ? "true" : null,
       class: p.net < 0 ? "rejected" : null, onclick: () => choose(p.id) },
       el("strong", {}, `${p.id}`), el("span", {}, `${p.class} ${percent(p.decided)}`),
       el("span", { class: "dim" }, `±${p.ellipse[0].toFixed(1)} m`), el("span", {}, mark)));
-  }));
+  }), ...(more ? [el("li", { class: "dim" }, `${more} less probable ones are on the map; j goes on to them`)] : []));
   if (focused) { const again = document.querySelector(`[data-place="${Number(focused)}"]`); if (again) again.focus({ preventScroll: true }); }
 }
 let drawnPlace = "";
@@ -169,11 +172,13 @@ function head() {
 
 async function refresh() {
   try {
-    const { version } = await get("/api/version");
+    const { version, map } = await get("/api/version");
     if (version !== state.version) {
-      const now = await get("/api/now");
+      // thousands of places are asked for again only if the map has changed
+      const now = map === state.map ? { ...state.now, ...await get("/api/said") } : await get("/api/now");
       state.now = now;
       state.version = version;
+      state.map = map;
       if (state.flownOf !== now.state) { state.flown = await get("/api/flown"); state.flownOf = now.state; SearchMap.flown(state.flown); }
       head();
       draw();
