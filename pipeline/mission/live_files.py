@@ -1,6 +1,6 @@
 """What a run shows of itself while it flies: ``live/`` of its directory, see ``pipeline.view.files``.
 
-The map is copied tile by tile, the lock of its owner held for one tile at a time (0.5 ms), and all else is done on the
+The map is copied tile by tile, the lock of its owner held for one tile at a time, and all else is done on the
 copy. A snapshot is written when something has changed, at most every PERIOD_S, and so seldom that it takes no more than
 SHARE of the time.
 """
