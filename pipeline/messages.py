@@ -154,6 +154,9 @@ WIRE_VERSION = 2
 _MESSAGES: tuple[type[Message], ...] = (Packet, Detections, Dropped, EndOfStream)
 _NUMBERS = {cls: number for number, cls in enumerate(_MESSAGES)}
 _RECORDS: dict[str, type] = {"CameraPose": CameraPose, "Hops": Hops}
+#: a message holds no longer array than its number and its fields, and no more arrays than itself and its records
+_MOST_VALUES = 1 + max(len(fields(cls)) for cls in _MESSAGES)
+_MOST_ARRAYS = 1 + len(_RECORDS)
 #: what may stand in a field of this annotation
 _TYPES: dict[str, tuple[type, ...]] = {
     "str": (str,),
@@ -188,7 +191,15 @@ def unpack(data: bytes | bytearray | memoryview) -> Message:
     if len(data) > MAX_MESSAGE_BYTES:
         raise ProtocolError(f"a message of {len(data)} bytes; at most {MAX_MESSAGE_BYTES} are taken")
     try:
-        values = msgpack.unpackb(data)
+        count = _Containers()
+        values = msgpack.unpackb(
+            data,
+            list_hook=count,
+            object_hook=count,
+            max_array_len=_MOST_VALUES,
+            max_map_len=_MOST_VALUES,
+            max_ext_len=0,
+        )
         if type(values) is not list or not values or type(values[0]) is not int:
             raise ProtocolError(f"not a message: {type(values).__name__}")
         if not 0 <= values[0] < len(_MESSAGES):
@@ -199,6 +210,22 @@ def unpack(data: bytes | bytearray | memoryview) -> Message:
     except Exception as error:
         raise ProtocolError(f"not a message: {error}") from error
     return message
+
+
+class _Containers:
+    """Counts the arrays and maps of one message while they are read: the message, and the records in its fields.
+
+    With the length of each bounded too, what is no message cannot make us build millions of values first.
+    """
+
+    def __init__(self) -> None:
+        self._count = 0
+
+    def __call__(self, values: Any) -> Any:
+        self._count += 1
+        if self._count > _MOST_ARRAYS:
+            raise ProtocolError(f"not a message: more than {_MOST_ARRAYS} arrays or maps")
+        return values
 
 
 def _values(record: Any) -> list[Any]:
