@@ -46,6 +46,17 @@ class Hosts:
         """Take a drone off the network, or let it on again."""
         self.ip("g", "link", "set", f"slv-{drone}", "up" if up else "down")
 
+    def weaken(self, drone: str, rate: str) -> None:
+        """What a drone sends passes no faster than this (``tc``'s words, such as 1mbit)."""
+        tbf = ["tbf", "rate", rate, "burst", "16kb", "latency", "100ms"]
+        command = self.on(drone, "tc", "qdisc", "replace", "dev", "eth0", "root", *tbf)
+        subprocess.run(command, check=True, capture_output=True)
+
+    def strengthen(self, drone: str) -> None:
+        """Take ``weaken`` back."""
+        command = self.on(drone, "tc", "qdisc", "del", "dev", "eth0", "root")
+        subprocess.run(command, check=False, capture_output=True)
+
     def start_node(self, host: str) -> None:
         """Join a Ray node, as a team would: deployments/ray-node.sh."""
         address, sites = HOSTS[host]

@@ -8,10 +8,13 @@ import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from tests.three_hosts import ROOT, Hosts, refused, three_hosts
+
+DEMO = ROOT / "configs/missions/demo/mission.yaml"
 
 pytestmark = [pytest.mark.ray, pytest.mark.timeout(400)]
 if (reason := refused()) is not None:
@@ -28,6 +31,28 @@ def _ended(process: subprocess.Popen[str]) -> str:
     said, _ = process.communicate(timeout=240)
     assert process.returncode == 0, said
     return said
+
+
+def _flying(hosts: Hosts, mission: Path, out: Path) -> subprocess.Popen[str]:
+    """A run in real time whose actors have started."""
+    process = hosts.searchlight("run", str(mission), "--out", str(out), "--pace", "realtime")
+    until = time.monotonic() + 120.0
+    while not any("actors started" in p.read_text() for p in out.parent.glob(f".{out.name}.*.log.part")):
+        assert time.monotonic() < until, process.communicate(timeout=10)
+        assert process.poll() is None, process.communicate()
+        time.sleep(0.2)
+    return process
+
+
+def _accounted_for(process: subprocess.Popen[str], out: Path) -> dict[str, Any]:
+    """The summary of a run that has ended well."""
+    _ended(process)
+    summary = dict(json.loads((out / "summary.json").read_text(encoding="utf-8")))
+    assert summary["partial"] is None
+    for stream in summary["streams"]:
+        assert stream["captured"] == stream["processed"] + sum(stream["dropped"].values())
+        assert stream["processed"] > 0
+    return summary
 
 
 def test_over_three_hosts_it_is_the_map_of_one_process(
@@ -52,22 +77,43 @@ def test_over_three_hosts_it_is_the_map_of_one_process(
 def test_a_link_that_is_cut_for_5_s_costs_frames_and_every_one_is_accounted_for(
     hosts: Hosts, small_mission: Path, tmp_path: Path
 ) -> None:
-    out = tmp_path / "run"
-    process = hosts.searchlight("run", str(small_mission), "--out", str(out), "--pace", "realtime")
-    until = time.monotonic() + 120.0
-    while not any("actors started" in p.read_text() for p in tmp_path.glob(".run.*.log.part")):
-        assert time.monotonic() < until, process.communicate(timeout=10)
-        assert process.poll() is None, process.communicate()
-        time.sleep(0.2)
+    process = _flying(hosts, small_mission, tmp_path / "run")
     time.sleep(2.0)
     hosts.cut("d1")
     time.sleep(5.0)
     hosts.cut("d1", up=True)
-    _ended(process)
-    summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
-    assert summary["partial"] is None
-    for stream in summary["streams"]:
-        assert stream["captured"] == stream["processed"] + sum(stream["dropped"].values())
-        assert stream["processed"] > 0
+    summary = _accounted_for(process, tmp_path / "run")
     said = [(entry["what"], entry["subject"]) for entry in summary["timeline"]]
     assert ("lost", "source:drone-1") in said, "it was cut off, and that is said"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("rate", ["3mbit", "1mbit", "500kbit"])
+def test_a_link_that_becomes_weak_is_planned_around_and_everybody_is_found(
+    hosts: Hosts, tmp_path: Path, rate: str
+) -> None:
+    process = _flying(hosts, DEMO, tmp_path / "run")
+    time.sleep(10.0)
+    try:
+        hosts.weaken("d1", rate)
+        summary = _accounted_for(process, tmp_path / "run")
+    finally:
+        hosts.strengthen("d1")
+    assert (len(summary["truth"]["found"]), summary["truth"]["false"]) == (9, [])
+    own = next(s for s in summary["substreams"] if s["detector"].startswith("drone-1-computer"))
+    assert own["processed"] == own["offered"] > 300
+
+
+@pytest.mark.slow
+def test_a_drone_that_is_cut_off_for_20_s_comes_back_and_nobody_is_made_up(
+    hosts: Hosts, tmp_path: Path
+) -> None:
+    process = _flying(hosts, DEMO, tmp_path / "run")
+    time.sleep(10.0)
+    hosts.cut("d1")
+    time.sleep(20.0)
+    hosts.cut("d1", up=True)
+    summary = _accounted_for(process, tmp_path / "run")
+    assert summary["truth"]["false"] == []
+    said = [(entry["what"], entry["subject"]) for entry in summary["timeline"]]
+    assert said.count(("up", "source:drone-1")) == 2
