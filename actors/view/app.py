@@ -20,6 +20,7 @@ from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
+from xstatic.pkg import leaflet
 
 from actors.view.guard import Guard
 from pipeline.errors import InputError, SearchlightError
@@ -233,6 +234,7 @@ def view_app(run: Path, token: str | None) -> Starlette:
             Route("/hillshade.png", answering(hillshade)),
             Route("/crop/{place:int}/{number:int}", answering(crop)),
             Route("/video/{stream}/{number:int}", answering(video)),
+            Mount("/static/leaflet", StaticFiles(directory=leaflet.BASE_DIR)),
             Mount("/static", StaticFiles(directory=STATIC)),
         ],
         middleware=[Middleware(Guard, token=token)],
