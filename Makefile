@@ -7,7 +7,7 @@ MISSION ?= configs/missions/demo/mission.yaml
 OUT ?= runs/demo
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run test test-all bench lint docs simulate train thermal-pool clean
+.PHONY: help setup run test test-all bench lint docs site simulate train thermal-pool clean
 
 help: ## print the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -46,6 +46,9 @@ lint: setup ## ruff, mypy, import-linter
 
 docs: setup ## docs/mission-file.md from the schema
 	$(BIN)/python -m pipeline.config.reference docs/mission-file.md
+
+site: setup ## the documentation as a site that needs no internet (runs/site)
+	$(BIN)/python -m mkdocs build --strict
 
 simulate: setup ## render the demo's mission again
 	$(BIN)/searchlight simulate configs/scenarios/demo.yaml --out runs/mission-demo
