@@ -54,6 +54,7 @@ def export(
     from pipeline.outputs.exports.registry import FORMATS, formats_of, write_exports
     from pipeline.outputs.exports.view import EXPORTS, RunView, read_run
     from pipeline.storage.whole_or_nothing import add_to_run
+    from pipeline.view.decided_run import with_decided
 
     formats = formats_of(to)
     if redact and to.strip().lower() == "all":
@@ -66,7 +67,10 @@ def export(
         return redacted(view) if redact else view
 
     async def once(sender: CotSender | None) -> RunView:
-        view = change(read_run(run, datetime.now(UTC)))
+        view, lost = with_decided(read_run(run, datetime.now(UTC)), run)
+        for sentence in lost:
+            say(f"note: {sentence}")
+        view = change(view)
         for sentence in view.absent:
             say(f"note: {sentence}: what would be of it is left out")
         for name in write_exports(folder, view, formats):

@@ -41,6 +41,7 @@ def _row(place: Place, view: RunView) -> dict[str, Any]:
         "name": place.name,
         "kind": place.kind,
         "what_to_do": what_to_do(place),
+        "decided": clean("; ".join(place.decided)),
         "class": place.class_name,
         "probability_0_to_1": f"{place.probability:.6f}",
         "expected_people": f"{place.expected_people:.3f}",

@@ -40,6 +40,7 @@ def _place(place: Place, view: RunView) -> dict[str, Any]:
         "kind": place.kind,
         "rank": place.rank,
         "what_to_do": what_to_do(place),
+        "decided": [clean(sentence) for sentence in place.decided],
         "class": clean(place.class_name),
         "probability": place.probability,
         "expected_people": place.expected_people,

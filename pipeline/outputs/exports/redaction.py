@@ -49,6 +49,7 @@ def _place(place: Place) -> Place:
         setups=(),
         pictures=tuple(_picture(picture) for picture in place.pictures),
         mgrs_digits=2,
+        decided=(),  # they name reviewers
     )
 
 

@@ -14,6 +14,7 @@ from pipeline.geo.grids import Utm, mgrs_of, utm_of
 from pipeline.storage.versions import require_version
 
 Kind = Literal["found", "possible"]
+State = Literal["", "confirmed", "rejected", "contradicted"]
 #: the folder of a run directory for other tools' formats
 EXPORTS = "exports"
 #: longitude and latitude, WGS84, degrees
@@ -47,7 +48,8 @@ class Place:
 
     rank: from 1, by probability, the found ones first. latitude_deg, longitude_deg: WGS84. ellipsoidal_m: above
     WGS84's ellipsoid; height_m: above height_datum, the terrain's; None: not known, or left out. error: of the
-    position; None: left out. first_seen, last_seen: ISO 8601 on ``clock``, ``UTC`` or another.
+    position; None: left out. first_seen, last_seen: ISO 8601 on ``clock``, ``UTC`` or another. state: what reviewers
+    have decided, who and when in ``decided``, a sentence each.
     """
 
     id: int
@@ -72,11 +74,14 @@ class Place:
     may_be: tuple[int, ...]
     pictures: tuple[PictureOf, ...]
     mgrs_digits: int = 5
+    state: State = ""
+    decided: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
         """Short, for a map: ``Place 3 (88 %)``."""
-        return f"{'Place' if self.kind == 'found' else 'Possible place'} {self.id} ({self.probability:.0%})"
+        state = f", {self.state}" if self.state else ""
+        return f"{'Place' if self.kind == 'found' else 'Possible place'} {self.id} ({self.probability:.0%}{state})"
 
     @property
     def position(self) -> str:

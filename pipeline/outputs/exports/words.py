@@ -27,7 +27,13 @@ def clean(text: str) -> str:
 
 
 def what_to_do(place: Place) -> str:
-    """The next step, as far as the map can say it."""
+    """The next step, as far as the map and its reviewers can say it."""
+    if place.state == "rejected":
+        return "Rejected by a reviewer: no team for this alone."
+    if place.state == "contradicted":
+        return "Reviewers contradict each other: look at the pictures together."
+    if place.state == "confirmed":
+        return "Confirmed by a reviewer: send a team."
     if place.kind == "possible":
         return "Look at the pictures; look again from the air before a team goes."
     if place.may_be:
@@ -59,6 +65,7 @@ def said_of(place: Place, view: RunView) -> list[tuple[str, str]]:
     lines.append(("Looks, sightings", f"{place.looks}, {place.sightings}"))
     if place.streams:
         lines.append(("Streams", ", ".join(place.streams)))
+    lines += [("Decided", sentence) for sentence in place.decided]
     lines += [("In the video", where) for where in map(in_video, place.pictures) if where]
     if view.redacted:
         lines.append(("Note", view.redacted))
