@@ -95,6 +95,17 @@ def test_a_period_is_the_time_in_frames_rounded_up() -> None:
     assert [period_of(t, 30.0) for t in (0.001, 1 / 30, 0.034, 0.1, 0.1001)] == [1, 1, 2, 3, 4]
 
 
+@pytest.mark.parametrize("rate_hz", [3.0, 7.0, 10.0, 25.0, 30.0, 100.0])
+def test_a_time_of_whole_frames_takes_that_many(rate_hz: float) -> None:
+    """Also where the product is a little more than the whole number: 0.07 s at 100 Hz is 7.000000000000001."""
+    assert [period_of(k / rate_hz, rate_hz) for k in range(1, 300)] == list(range(1, 300))
+    in_milliseconds = [ms for ms in range(1, 3000) if ms * rate_hz % 1000 == 0]
+    assert in_milliseconds
+    assert [period_of(ms / 1000, rate_hz) for ms in in_milliseconds] == [
+        ms * rate_hz / 1000 for ms in in_milliseconds
+    ]
+
+
 def test_the_maximum_time_counts_where_the_pool_has_it() -> None:
     detector = pool_detector("net", small=150, big=40)
     detector["times"][1]["maximum"] = {"milliseconds": 120}

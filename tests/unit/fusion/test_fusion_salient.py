@@ -91,6 +91,19 @@ def test_without_parallax_the_place_is_the_papers_average(plane):
     np.testing.assert_allclose(locate(looks), [0.3, 0.2], atol=1e-9)
 
 
+@pytest.mark.parametrize("apart_m", [0.2, 1.0, -3.0])
+@pytest.mark.parametrize("height_m", [10.0, 80.0])
+def test_rays_and_ground_points_that_disagree_are_weighed_by_how_sure_they_are(plane, apart_m, height_m):
+    """Straight down there is a closed form: rays are sure to 0.05 m and ground points to 0.5 m, a hundred to one."""
+    look = dataclasses.replace(
+        _look(0.0, 0.0, terrain=plane),
+        camera_enu=np.array([0.0, 2.0, height_m]),
+        center_ray_enu=np.array([0.0, 0.0, -1.0]),
+        intersection_enu=np.array([apart_m, 2.0, 0.0]),
+    )
+    np.testing.assert_allclose(locate([look, look]), [apart_m / 101.0, 2.0], rtol=1e-6)
+
+
 def _boxes(size, heading_rad, pose, camera):
     """Box of an ellipsoid of a body on the ground at (0, 0)."""
     angle, height = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 60), np.linspace(-1.0, 1.0, 31))
@@ -140,6 +153,21 @@ def test_no_cell_above_the_threshold_is_left_out(params, cell_m, cluster_m, shar
     (found,) = salient_locations(voxel_map, looks, params.model_copy(update={"cluster_distance": cluster_m}))
     assert len(found.sightings) == 1
     np.testing.assert_allclose(found.position_enu[:2], point, atol=1e-6)
+
+
+@pytest.mark.parametrize("direction_deg", [0.0, 77.0, 200.0, 301.0])
+@pytest.mark.parametrize(("share", "sightings"), [(0.47, 2), (0.53, 1), (0.9, 1), (1.8, 1)])
+def test_a_sighting_belongs_to_a_place_within_half_the_cluster_distance(
+    plane, params, share, sightings, direction_deg
+):
+    seen = _look(0.25, 0.25, terrain=plane)
+    away_m, direction = share * params.cluster_distance, math.radians(direction_deg)
+    middle = plane.centers(np.array([seen.row]), np.array([seen.column]))[0]
+    east, north = middle[:2] + away_m * np.array([math.cos(direction), math.sin(direction)])
+    other = _look(east, north, terrain=plane, time_ns=1)
+    assert (other.row, other.column) != (seen.row, seen.column)
+    (found,) = salient_locations(_raised(plane, [seen]), [seen, other], params)
+    assert len(found.sightings) == sightings
 
 
 def test_a_sighting_on_a_wall_belongs_to_its_cell(params):

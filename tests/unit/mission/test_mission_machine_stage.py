@@ -44,7 +44,7 @@ class Network:
 class Machine:
     """A stage whose answers come into a queue, and whose networks can be made to wait or to fail."""
 
-    def __init__(self, fails_at: int | None = None) -> None:
+    def __init__(self, fails_at: int | None = None, clock: Clock | None = None) -> None:
         self.answers: queue.Queue = queue.Queue()
         self.loaded: list[Assignment] = []
         self.networks: list[Network] = []
@@ -58,7 +58,7 @@ class Machine:
             lambda message, urgent: self.answers.put(message),
             lambda stream, detector: None,
             InboxParams(),
-            Clock(),
+            clock or Clock(),
             drops=True,
         )
 
@@ -133,6 +133,26 @@ def test_every_packet_of_a_held_substream_is_answered_in_order_and_then_its_end(
     assert [a.sequence for a in answers] == [0, 1, 2, 3]
     assert isinstance(answers[-1], EndOfStream)
     assert all(isinstance(a, Detections) for a in answers[:-1])
+
+
+@pytest.mark.parametrize(("waited_s", "looked_at"), [(0.9, 3), (1.1, 0)])
+def test_packets_that_waited_too_long_are_decoded_but_not_looked_at(waited_s: float, looked_at: int) -> None:
+    """And the next one, which needs them for its picture and did not wait, is looked at."""
+    now_s = [0.0]
+    machine = Machine(clock=Clock(lambda: now_s[0], utc_ns=lambda: 0))
+    machine.may_load.clear()
+    machine.run(opened(), wait=False)
+    *waiting, last = packets(opened(), 4)
+    for packet in waiting:
+        machine.stage.put(packet)
+    now_s[0] = waited_s
+    machine.may_load.set()
+    answers = [machine.answer() for _ in waiting]
+    machine.stage.put(last)
+    assert [isinstance(a, Detections) for a in answers] == [looked_at == 3] * 3
+    assert all(isinstance(a, Detections) or a.reason == "machine_busy" for a in answers)
+    assert isinstance(machine.answer(), Detections)
+    assert machine.networks[0].looks == looked_at + 1
 
 
 def test_packets_of_a_substream_that_is_not_held_are_nobodys() -> None:

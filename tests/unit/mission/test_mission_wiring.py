@@ -25,6 +25,7 @@ from pipeline.detection.model_file import sha256_of
 from pipeline.errors import InputError
 from pipeline.mission import local
 from pipeline.mission.local import make_detectors
+from pipeline.mission.prepared import PreparedMission
 from pipeline.mission.stages import source as source_module
 from pipeline.mission.stages.source import SourceStage
 from pipeline.sensor.setup import Tiling
@@ -235,6 +236,29 @@ def test_the_reducer_is_handed_what_each_substream_is_worth(prepared, plan, monk
     local.make_reducer(prepared, plan, lateness=False)
     assert handed["substreams"] == local.substream_models(prepared, plan)
     assert set(handed["substreams"]) == {(a.stream, a.detector) for a in plan.assignments}
+
+
+def test_a_detector_s_relative_accuracy_is_its_best_over_the_best_of_the_pool(prepared, plan, monkeypatch):
+    """The paper's p_det_rel, and what the reducer is handed of it."""
+    good, poor = prepared.pool.detectors
+    points = tuple(p.model_copy(update={"accuracy": p.accuracy / 4.0}) for p in poor.accuracy)
+    poor = poor.model_copy(update={"accuracy": points})
+    prepared.pool = prepared.pool.model_copy(update={"detectors": (good, poor)})
+    prepared.relative_accuracy = PreparedMission.relative_accuracy.fget(prepared)
+    assert prepared.relative_accuracy == {good.id: 1.0, poor.id: pytest.approx(0.25)}
+    handed = []
+    monkeypatch.setattr(local, "Fuser", lambda *given, **_: handed.extend(given))
+    monkeypatch.setattr(local, "Sequencer", lambda *_: None)
+    prepared.mission = SimpleNamespace(
+        processing=prepared.mission.processing, fusion=SimpleNamespace(lateness=1.0)
+    )
+    prepared.terrain, prepared.cameras, prepared.streams, prepared.onto = None, {}, (), None
+    local.make_reducer(prepared, plan, lateness=False)
+    assert handed[3] == {a.detector: prepared.relative_accuracy[a.pool_detector] for a in plan.assignments}
+    worth = local.substream_models(prepared, plan)
+    top = {good.id: 1.0, poor.id: 0.25}
+    for a in plan.assignments:
+        assert worth[a.stream, a.detector].lowers <= top[a.pool_detector] + 1e-12
 
 
 def test_a_machine_opens_its_detectors_with_the_calibration_of_the_plan_s_bitrate_and_codec(
