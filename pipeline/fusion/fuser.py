@@ -17,6 +17,7 @@ import math
 from bisect import insort
 from collections import Counter
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -36,7 +37,7 @@ from pipeline.fusion.voxel_map import VoxelMap, log_odds
 from pipeline.geo.camera import Camera
 from pipeline.geo.terrain import Terrain
 from pipeline.ingest.checks.box_sizes import size_bin
-from pipeline.messages import Detections, FloatArray
+from pipeline.messages import CameraPose, Detections, FloatArray
 from pipeline.sensor.expected_size import expected_person_px
 from pipeline.sensor.model import SensorModel
 from pipeline.sensor.substream import SubstreamModel, found_by_distance
@@ -145,9 +146,9 @@ class Fuser:
         if not looks:
             return _NO_WIDTHS
         optics, points = self._optics_of(detections), np.array([look.intersection_enu for look in looks])
-        return look_covariances(
-            points, detections.pose, self._uncertainty, optics.pixel_rad, optics.camera.focal_sd
-        )
+        # what the telemetry states of its own errors is no part of the paper's rule either
+        pose = _exact(detections.pose) if self._paper else detections.pose
+        return look_covariances(points, pose, self._uncertainty, optics.pixel_rad, optics.camera.focal_sd)
 
     def _vague(self, widths: tuple[FloatArray, FloatArray]) -> NDArray[np.bool_]:
         """Which looks (N,) are known too badly to raise anything."""
@@ -326,3 +327,9 @@ class Fuser:
                 self._worth(detections), model.typical_px_m, width, distances_m
             )
         return self._found[key]
+
+
+def _exact(pose: CameraPose) -> CameraPose:
+    """The pose as if nothing were known of its errors."""
+    nothing = math.nan
+    return replace(pose, horizontal_sd_m=nothing, height_sd_m=nothing, attitude_sd_rad=nothing)

@@ -1,5 +1,6 @@
 """What a look raises and shields when it is known only roughly where it points."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -105,6 +106,19 @@ def test_a_person_whose_looks_scatter_over_the_cells_is_one_place(params, camera
     assert found["paper"] == ()
     (place,) = found["with width"]
     assert math.hypot(*place.position_enu[:2]) < 0.5
+
+
+@pytest.mark.parametrize("name", ["horizontal_sd_m", "height_sd_m", "attitude_sd_rad"])
+def test_by_the_papers_rule_the_errors_that_telemetry_states_change_no_bit(params, camera, name):
+    maps = []
+    for sd in (math.nan, 0.3):
+        fuser = Fuser(PLANE, params, {"a": camera}, {"d": 1.0})
+        for k in range(6):
+            frame = _frame((0.3 * k, 0.0), k * 10**9, (0.0, 0.0), (3.0, 1.0))
+            fuser.apply(dataclasses.replace(frame, pose=dataclasses.replace(frame.pose, **{name: sd})))
+        maps.append(fuser.map.log_odds.tobytes())
+    assert params.update_rule == "paper"
+    assert maps[0] == maps[1]
 
 
 def test_another_streams_bias_does_not_lower_what_it_sees_itself(params, camera):
