@@ -10,7 +10,8 @@ import numpy as np
 
 from pipeline.outputs.exports.cot import drone_event, uid_of
 from pipeline.outputs.exports.view import RunView
-from pipeline.view.files import GROUND, LIVE, POSES, REDUCER
+from pipeline.outputs.live_names import LIVE, REDUCER
+from pipeline.view.files import GROUND, POSES
 from pipeline.view.ground import Ground
 from pipeline.view.poses import Flight, decoded
 

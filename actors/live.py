@@ -186,7 +186,7 @@ class LiveWiring(Wiring):
             sources={**before.sources, **of("source", self._sources)},
             machines={**before.machines, **of("machine", self._machines)},
             reducer=self._peers[REDUCER].status or before.reducer,
-            losses=dict(self._record.losses),
+            losses=self._record.losses,
         )
 
     def _round(self) -> None:

@@ -31,7 +31,6 @@ class LiveRecord:
     log: list[Recorded] = field(default_factory=list)
     timeline: list[TimelineEntry] = field(default_factory=list)
     ran: dict[tuple[str, str], Assignment] = field(default_factory=dict)
-    losses: Counter[str] = field(default_factory=Counter)
 
     @classmethod
     def of(cls, prepared: PreparedMission, run: Path, begun_s: float) -> LiveRecord:
@@ -39,6 +38,11 @@ class LiveRecord:
         make_folder(run / ACTOR_LOGS)
         file = ControllerLog(run / ACTOR_LOGS / CONTROLLER_LOG, prepared.problem, begun_s)
         return cls(begun_s, file, OperatorsDesk(run, [s.stream for s in prepared.streams]))
+
+    @property
+    def losses(self) -> Counter[str]:
+        """How often each actor was lost."""
+        return Counter(entry.subject for entry in self.timeline if entry.what == "lost")
 
     def asked_by_the_operator(self) -> list[Event]:
         """Since the last call."""
@@ -58,8 +62,6 @@ class LiveRecord:
 
     def note(self, say: Say, now_s: float) -> None:
         """One line for the operator."""
-        if say.what == "lost":
-            self.losses[say.subject] += 1
         entry = TimelineEntry(round(now_s - self.begun_s, 3), say.what, say.subject, say.detail)
         self.timeline.append(entry)
         _LOG.event(say.what, subject=say.subject, detail=say.detail)

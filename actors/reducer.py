@@ -25,7 +25,7 @@ from pipeline.mission.local import make_reducer
 from pipeline.mission.prepared import PreparedMission
 from pipeline.mission.run_journal import RunJournal, journal_findings
 from pipeline.mission.stages.reducer import HopHistogram, ReducerStage
-from pipeline.view.files import LIVE
+from pipeline.outputs.live_names import LIVE
 
 _LOG = Log("actors")
 Address = tuple[str, int]

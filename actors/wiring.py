@@ -29,8 +29,8 @@ from pipeline.mission.run_journal import RunJournal, journal_findings
 from pipeline.mission.stages.reducer import ReducerStage
 from pipeline.mission.stages.source import SourceCount, StreamInput
 from pipeline.mission.stopping import Stop, nothing_yet
+from pipeline.outputs.live_names import LIVE
 from pipeline.outputs.partial import CutOff, Partial
-from pipeline.view.files import LIVE
 
 _LOG = Log("actors")
 #: how often the actors are asked how they are, seconds

@@ -63,14 +63,18 @@ def export(
         raise InputError("--send", f"--to {to}", "cot among the formats: what is sent are its events")
     folder = out or run / (f"{EXPORTS}-redacted" if redact else EXPORTS)
 
+    told = set[str]()
+
     def change(view: RunView) -> RunView:
+        view, lost = with_decided(view, run)
+        for sentence in lost:
+            if sentence not in told:
+                say(f"note: {sentence}")
+        told.update(lost)
         return redacted(view) if redact else view
 
     async def once(sender: CotSender | None) -> RunView:
-        view, lost = with_decided(read_run(run, datetime.now(UTC)), run)
-        for sentence in lost:
-            say(f"note: {sentence}")
-        view = change(view)
+        view = change(read_run(run, datetime.now(UTC)))
         for sentence in view.absent:
             say(f"note: {sentence}: what would be of it is left out")
         for name in write_exports(folder, view, formats):

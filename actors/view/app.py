@@ -25,9 +25,10 @@ from xstatic.pkg import leaflet
 from actors.view.guard import Guard
 from pipeline.errors import InputError, SearchlightError
 from pipeline.ingest.video.recordings import open_recordings
+from pipeline.outputs.live_names import FOUND, REDUCER, STATUS
 from pipeline.view.decisions import FILE as DECISIONS
 from pipeline.view.decisions import append, read_log
-from pipeline.view.files import FOUND, MAP, REDUCER, STATUS, find_run
+from pipeline.view.files import MAP, find_run
 from pipeline.view.page import RunPage
 from pipeline.view.pictures import hillshade_png, layer_png
 

@@ -29,10 +29,11 @@ from pipeline.logs import Log
 from pipeline.mission.prepared import PreparedMission
 from pipeline.mission.stages.reducer import ReducerStage
 from pipeline.mission.stages.source import StreamInput
+from pipeline.outputs.live_names import FOUND, LIVE, POSSIBLE, REDUCER, STATUS
 from pipeline.outputs.salient_geojson import write_salient
 from pipeline.outputs.verdict import judge
 from pipeline.storage.whole_or_nothing import make_folder, write_bytes, write_text
-from pipeline.view.files import FOUND, GROUND, LIVE, MAP, POSES, POSSIBLE, REDUCER, SIGHTINGS, STATUS
+from pipeline.view.files import GROUND, MAP, POSES, SIGHTINGS
 from pipeline.view.ground import ground_of
 from pipeline.view.layer import layer_of
 from pipeline.view.poses import Flight, encoded

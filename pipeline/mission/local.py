@@ -27,10 +27,10 @@ from pipeline.mission.stages.reducer import ReducerStage
 from pipeline.mission.stages.source import SourceCount, SourceParams, SourceStage, StreamInput
 from pipeline.mission.stages.virtual_link import VirtualLink
 from pipeline.mission.stopping import Stop
+from pipeline.outputs.live_names import LIVE
 from pipeline.outputs.partial import CutOff, Partial
 from pipeline.outputs.timeline import TimelineEntry
 from pipeline.sensor.substream import SubstreamModel, as_sent, substream_model
-from pipeline.view.files import LIVE
 
 _LOG = Log("mission")
 Progress = Callable[[str, int, int], None]

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
+
+import numpy as np
 
 from pipeline.geo.frame import LocalFrame
 from pipeline.outputs.exports.view import Place as ExportedPlace
-from pipeline.outputs.exports.view import RunView, State
+from pipeline.outputs.exports.view import RunView, State, ranked
 from pipeline.view.decisions import Decision, read_log
-from pipeline.view.files import FOUND, POSSIBLE
-from pipeline.view.places import Place, places_of, with_decisions
+from pipeline.view.places import Place, with_decisions
 
 _WORDS = {"confirm": "confirmed", "reject": "rejected", "note": "noted"}
 
@@ -21,16 +21,22 @@ def with_decided(view: RunView, run: Path) -> tuple[RunView, tuple[str, ...]]:
 
     Probabilities are those after the decisions; the most probable come first, those found before those possible.
     """
-    log = read_log(run)
-    if not view.places or not log.standing:
-        return view, tuple(_lost(decision) for decision in log.standing)
-    first = view.places[0]
-    frame = LocalFrame(first.latitude_deg, first.longitude_deg)
-    found, possible = ((run / name).read_bytes() for name in (FOUND, POSSIBLE))
-    places, lost = with_decisions(places_of(found, possible, None, frame), log.standing, frame)
+    standing = read_log(run).standing
+    if not view.places or not standing:
+        return view, tuple(_lost(decision) for decision in standing)
+    frame = LocalFrame(view.places[0].latitude_deg, view.places[0].longitude_deg)
+    places, lost = with_decisions([_shown(place, frame) for place in view.places], standing, frame)
     by_id = {place.id: place for place in places if place.decisions}
-    decided = [_decided(place, by_id[place.id]) if place.id in by_id else place for place in view.places]
-    return replace(view, places=_ranked(decided)), tuple(_lost(decision) for decision in lost)
+    decided = (_decided(place, by_id[place.id]) if place.id in by_id else place for place in view.places)
+    return replace(view, places=ranked(decided)), tuple(_lost(decision) for decision in lost)
+
+
+def _shown(place: ExportedPlace, frame: LocalFrame) -> Place:
+    """As the view has it, to which decisions belong."""
+    east, north = frame.enu_from_wgs84(np.array(place.latitude_deg), np.array(place.longitude_deg))
+    ellipse = {} if place.error is None else {"error_ellipse": asdict(place.error)}
+    at = place.latitude_deg, place.longitude_deg, float(east), float(north)
+    return Place(place.id, place.kind, place.class_name, place.probability, *at, ellipse)
 
 
 def _decided(exported: ExportedPlace, place: Place) -> ExportedPlace:
@@ -47,11 +53,6 @@ def _decided(exported: ExportedPlace, place: Place) -> ExportedPlace:
         state=state,
         decided=tuple(_sentence(decision) for decision in place.decisions),
     )
-
-
-def _ranked(places: Sequence[ExportedPlace]) -> tuple[ExportedPlace, ...]:
-    ordered = sorted(places, key=lambda p: (p.kind == "possible", -p.probability, p.id))
-    return tuple(replace(place, rank=rank) for rank, place in enumerate(ordered, start=1))
 
 
 def _sentence(decision: Decision) -> str:

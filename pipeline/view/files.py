@@ -10,14 +10,12 @@ from pathlib import Path
 from typing import Literal
 
 from pipeline.errors import InputError
+from pipeline.outputs.live_names import LIVE
 from pipeline.storage.whole_or_nothing import SUMMARY_FILE, UNFINISHED
 
-#: within the run directory, of a run that flies or was cut off
-LIVE = "live"
 GROUND, POSES, SIGHTINGS = "ground.npz", "poses.npz", "sightings.json"
-FOUND, POSSIBLE = "salient.geojson", "possible.geojson"
-#: only in ``live/``: the map so far, what the reducer says of it, what the actors say
-MAP, REDUCER, STATUS = "map.npz", "reducer.json", "status.json"
+#: only in ``live/``: the map so far
+MAP = "map.npz"
 
 State = Literal["flying", "finished"]
 

@@ -12,8 +12,9 @@ import numpy as np
 
 from pipeline.geo.frame import LocalFrame
 from pipeline.messages import FloatArray
+from pipeline.outputs.live_names import FOUND, POSSIBLE, REDUCER, STATUS
 from pipeline.view.decisions import Decision, read_log
-from pipeline.view.files import FOUND, GROUND, MAP, POSES, POSSIBLE, REDUCER, SIGHTINGS, STATUS, RunFolder
+from pipeline.view.files import GROUND, MAP, POSES, SIGHTINGS, RunFolder
 from pipeline.view.grid import grid
 from pipeline.view.ground import Ground
 from pipeline.view.layer import Layer, layer_of_tif

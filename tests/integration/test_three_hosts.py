@@ -55,6 +55,16 @@ def _accounted_for(process: subprocess.Popen[str], out: Path) -> dict[str, Any]:
     return summary
 
 
+def _cut_off(hosts: Hosts, mission: Path, out: Path, *, after_s: float, for_s: float) -> dict[str, Any]:
+    """The summary of a run in real time whose drone-1 was off the network for a while."""
+    process = _flying(hosts, mission, out)
+    time.sleep(after_s)
+    hosts.cut("d1")
+    time.sleep(for_s)
+    hosts.cut("d1", up=True)
+    return _accounted_for(process, out)
+
+
 def test_over_three_hosts_it_is_the_map_of_one_process(
     hosts: Hosts, small_mission: Path, tmp_path: Path
 ) -> None:
@@ -77,12 +87,7 @@ def test_over_three_hosts_it_is_the_map_of_one_process(
 def test_a_link_that_is_cut_for_5_s_costs_frames_and_every_one_is_accounted_for(
     hosts: Hosts, small_mission: Path, tmp_path: Path
 ) -> None:
-    process = _flying(hosts, small_mission, tmp_path / "run")
-    time.sleep(2.0)
-    hosts.cut("d1")
-    time.sleep(5.0)
-    hosts.cut("d1", up=True)
-    summary = _accounted_for(process, tmp_path / "run")
+    summary = _cut_off(hosts, small_mission, tmp_path / "run", after_s=2.0, for_s=5.0)
     said = [(entry["what"], entry["subject"]) for entry in summary["timeline"]]
     assert ("lost", "source:drone-1") in said, "it was cut off, and that is said"
 
@@ -108,12 +113,7 @@ def test_a_link_that_becomes_weak_is_planned_around_and_everybody_is_found(
 def test_a_drone_that_is_cut_off_for_20_s_comes_back_and_nobody_is_made_up(
     hosts: Hosts, tmp_path: Path
 ) -> None:
-    process = _flying(hosts, DEMO, tmp_path / "run")
-    time.sleep(10.0)
-    hosts.cut("d1")
-    time.sleep(20.0)
-    hosts.cut("d1", up=True)
-    summary = _accounted_for(process, tmp_path / "run")
+    summary = _cut_off(hosts, DEMO, tmp_path / "run", after_s=10.0, for_s=20.0)
     assert summary["truth"]["false"] == []
     said = [(entry["what"], entry["subject"]) for entry in summary["timeline"]]
     assert said.count(("up", "source:drone-1")) == 2

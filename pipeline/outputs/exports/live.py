@@ -9,16 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.outputs.exports.view import Kind, RunView, features_of, places_of
-
-#: of a run's directory while it flies; each file appears whole, and the found places come last
-LIVE = "live"
-_FOUND, _POSSIBLE, _STATUS, _REDUCER = "salient.geojson", "possible.geojson", "status.json", "reducer.json"
+from pipeline.outputs.live_names import FOUND, LIVE, POSSIBLE, REDUCER, STATUS
 
 
 def live_state(run: Path) -> tuple[int, int] | None:
-    """Another value whenever the places were written again; None where no run flies."""
+    """Another value whenever the places were written again; the found ones come last. None where no run flies."""
     try:
-        state = (run / LIVE / _FOUND).stat()
+        state = (run / LIVE / FOUND).stat()
     except OSError:
         return None
     return state.st_mtime_ns, state.st_ino
@@ -30,8 +27,8 @@ def read_live(run: Path, made_at: datetime) -> RunView | None:
     Raises InputError for places that cannot be used.
     """
     folder = run / LIVE
-    kinds: tuple[tuple[Kind, str], ...] = (("possible", _POSSIBLE), ("found", _FOUND))
-    if not (folder / _FOUND).is_file():
+    kinds: tuple[tuple[Kind, str], ...] = (("possible", POSSIBLE), ("found", FOUND))
+    if not (folder / FOUND).is_file():
         return None
     places = [
         (kind, folder / name, feature)
@@ -39,8 +36,8 @@ def read_live(run: Path, made_at: datetime) -> RunView | None:
         if (folder / name).is_file()
         for feature in features_of(folder / name, "places")
     ]
-    mission = str(_said(folder / _STATUS).get("mission") or run.absolute().name)
-    verdict = _said(folder / _REDUCER).get("verdict")
+    mission = str(_said(folder / STATUS).get("mission") or run.absolute().name)
+    verdict = _said(folder / REDUCER).get("verdict")
     sentence = str(verdict.get("sentence", "")) if isinstance(verdict, dict) else ""
     said = f"THE MISSION STILL FLIES. {sentence}".strip()
     return RunView(mission, said, made_at, places_of(places, folder), (), (), (), None, None)

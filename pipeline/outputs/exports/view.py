@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any, Literal
@@ -194,27 +195,22 @@ def features_of(path: Path, kind: str) -> list[dict[str, Any]]:
 
 def places_of(features: list[tuple[Kind, Path, dict[str, Any]]], folder: Path) -> tuple[Place, ...]:
     """Places of GeoJSON features, in the order in which they are to be looked at."""
-
-    def first(item: tuple[Kind, Path, dict[str, Any]]) -> tuple[bool, float, int]:
-        kind, path, feature = item
-        try:
-            return kind == "possible", -float(feature["properties"]["probability"]), int(feature["id"])
-        except (KeyError, TypeError, ValueError) as error:
-            raise _not_a_place(path, error) from None
-
-    return tuple(
-        _place(rank, kind, path, feature, folder)
-        for rank, (kind, path, feature) in enumerate(sorted(features, key=first), start=1)
-    )
+    return ranked([_place(kind, path, feature, folder) for kind, path, feature in features])
 
 
-def _place(rank: int, kind: Kind, path: Path, feature: dict[str, Any], folder: Path) -> Place:
+def ranked(places: Iterable[Place]) -> tuple[Place, ...]:
+    """In the order in which they are to be looked at, each with its rank."""
+    ordered = sorted(places, key=lambda place: (place.kind == "possible", -place.probability, place.id))
+    return tuple(replace(place, rank=rank) for rank, place in enumerate(ordered, start=1))
+
+
+def _place(kind: Kind, path: Path, feature: dict[str, Any], folder: Path) -> Place:
     try:
         said, point = feature["properties"], feature["geometry"]["coordinates"]
         error = said["error_ellipse"]
         return Place(
             int(feature["id"]),
-            rank,
+            0,
             kind,
             str(said["class"]),
             float(said["probability"]),

@@ -13,9 +13,10 @@ import pytest
 from actors.live import LiveWiring, _Peer
 from actors.live_record import LiveRecord
 from actors.machine import MachineActor, MachineParams
+from actors.metrics import Snapshot
 from actors.reducer import ReducerActor
 from actors.source import SourceActor
-from pipeline.allocation.plan import Assignment, assignment_to_json
+from pipeline.allocation.plan import Assignment, Plan, assignment_to_json
 from pipeline.link.receiver import Receiver
 from pipeline.link.sender import LinkState
 from pipeline.messages import Dropped
@@ -246,3 +247,13 @@ def test_what_the_reducer_holds_open_unasked_is_closed_as_not_used() -> None:
     actor, calls = _reducer_actor({("v", "m:d", 0)}, set())
     actor.expect(Expect(()))
     assert calls == [("close", "v", "m:d", 0, "not_used"), ("commit",)]
+
+
+def test_how_often_actors_were_lost_reaches_the_metrics() -> None:
+    wiring, *_ = _wiring()
+    wiring._record = LiveRecord(0.0, SimpleNamespace(append=len), SimpleNamespace())
+    wiring._sources, wiring._machines = {}, {}
+    for what, actor in (("lost", "reducer"), ("up", "reducer"), ("lost", "reducer"), ("lost", "machine:m")):
+        wiring._record.note(Say(what, actor), 1.0)
+    plan = Plan("optimal", 1.0, 1.0, 0.0, 1, (), 0.1, 1, 1)
+    assert wiring._newest(Snapshot(plan)).losses == {"reducer": 2, "machine:m": 1}

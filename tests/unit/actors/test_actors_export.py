@@ -1,4 +1,5 @@
 import sys
+from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
@@ -6,7 +7,9 @@ from typer.testing import CliRunner
 
 from actors.cli import app
 from pipeline.errors import InputError
+from pipeline.outputs.exports.view import read_run
 from pipeline.storage.whole_or_nothing import FILE_LIST
+from pipeline.view.decisions import append
 
 sys.path.append(str(Path(__file__).parents[1] / "outputs"))
 from run_folder import write_run
@@ -64,3 +67,15 @@ def test_a_run_writes_the_formats_of_its_mission_and_is_not_lost_if_one_fails(tm
     _export(folder, ("csv", "cog"), 10**18)
     assert "saliency.tif" in (folder / "exports/FAILED.txt").read_text()
     assert (folder / "exports/places.csv").is_file()
+
+
+def test_the_command_hands_over_what_was_decided(tmp_path: Path) -> None:
+    run = write_run(tmp_path / "run")
+    one = read_run(run, datetime(2026, 12, 1, tzinfo=UTC)).places[0]
+    said = {"who": "Ana", "kind": "reject", "place": one.id, "class_name": one.class_name,
+            "latitude_deg": one.latitude_deg, "longitude_deg": one.longitude_deg}  # fmt: skip
+    append(run, "2026-12-01T05:00:00Z", said)
+    for more in ([], ["--watch"]):
+        export(run, "--to", "csv", "--out", tmp_path / "away", *more)
+        assert "rejected by Ana" in (tmp_path / "away/places.csv").read_text(encoding="utf-8")
+        (tmp_path / "away/places.csv").unlink()

@@ -23,11 +23,12 @@ from actors.export_watch import Follower, Wanted, with_sender
 from pipeline.errors import InputError, RunFailedError
 from pipeline.geo.camera import Camera
 from pipeline.geo.frame import LocalFrame
+from pipeline.mission import live_files as files
 from pipeline.outputs.exports import live
 from pipeline.outputs.exports.redaction import redacted
 from pipeline.outputs.exports.view import read_run
-from pipeline.view import files
-from pipeline.view.files import GROUND, POSES, REDUCER
+from pipeline.outputs.live_names import REDUCER
+from pipeline.view.files import GROUND, POSES
 from pipeline.view.ground import Ground
 from pipeline.view.poses import Flight, encoded
 
@@ -178,5 +179,5 @@ def test_a_drone_is_where_it_took_its_newest_picture(finished: Path, tmp_path: P
 
 
 def test_the_names_of_the_live_files_are_those_that_are_written() -> None:
-    assert (live.LIVE, live._FOUND, live._POSSIBLE) == (files.LIVE, files.FOUND, files.POSSIBLE)
-    assert (live._STATUS, live._REDUCER) == (files.STATUS, files.REDUCER)
+    assert (live.LIVE, live.FOUND, live.POSSIBLE) == (files.LIVE, files.FOUND, files.POSSIBLE)
+    assert (live.STATUS, live.REDUCER) == (files.STATUS, files.REDUCER)

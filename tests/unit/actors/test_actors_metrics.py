@@ -142,3 +142,23 @@ def test_nothing_that_metrics_are_made_of_can_hold_a_picture() -> None:
 
     walk(Snapshot)
     assert {MachineStatus, ReducerStatus, SourceStatus} <= seen
+
+
+def _value(collector: RunCollector, name: str) -> float:
+    return next(s.value for family in collector.collect() for s in family.samples if s.name == name)
+
+
+def test_what_a_source_sent_that_died_is_added_to_what_its_next_process_sends() -> None:
+    collector = RunCollector()
+    for sent, pid in ((1000, 7), (4000, 7), (0, 8), (500, 8)):
+        sending = replace(source(), bytes_sent={"ground": sent}, pid=pid)
+        collector.snapshot = Snapshot(PLAN, {"v": sending}, reducer(7))
+    assert _value(collector, "searchlight_link_bytes_total") == 4500
+
+
+def test_losses_of_actors_are_counted_by_name() -> None:
+    collector = RunCollector(Snapshot(PLAN, {"v": source()}, reducer(7), losses={"source:v": 3}))
+    samples = [
+        s for f in collector.collect() for s in f.samples if s.name == "searchlight_actor_losses_total"
+    ]
+    assert {s.labels["actor"]: s.value for s in samples} == {"source:v": 3.0, "reducer": 0.0}

@@ -20,7 +20,8 @@ from pipeline.mission.prepared import PreparedMission, prepare
 from pipeline.mission.run_directory import write_run_directory
 from pipeline.mission.run_journal import begin_journal, new_record
 from pipeline.mission.stages.reducer import ReducerStage
-from pipeline.view.files import FOUND, GROUND, LIVE, MAP, POSES, POSSIBLE, REDUCER, SIGHTINGS, find_run
+from pipeline.outputs.live_names import FOUND, LIVE, POSSIBLE, REDUCER
+from pipeline.view.files import GROUND, MAP, POSES, SIGHTINGS, find_run
 from pipeline.view.ground import Ground
 from pipeline.view.layer import STEPS, Layer, layer_of, layer_of_tif
 from pipeline.view.poses import decoded
