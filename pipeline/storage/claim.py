@@ -5,7 +5,7 @@ from __future__ import annotations
 import fcntl
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TextIO
 
@@ -24,20 +24,27 @@ def claimed(path: Path) -> Iterator[None]:
     check_run_directory(path)
     path.absolute().parent.mkdir(parents=True, exist_ok=True)
     lock = path.absolute().with_name(f".{path.absolute().name}.lock")
-    with lock.open("a+", encoding="ascii") as file:
-        if not _locked(file, lock):
-            file.seek(0)
-            owner = file.read(20).strip() or "unknown"
-            raise InputError(
-                path, f"a folder that another run writes (process {owner})", "another --out"
-            ) from None
-        file.truncate(0)
-        file.write(f"{os.getpid()}\n")
-        file.flush()
-        try:
+    try:
+        with lock.open("a+", encoding="ascii") as file:
+            if not _locked(file, lock):
+                file.seek(0)
+                owner = file.read(20).strip() or "unknown"
+                raise InputError(
+                    path, f"a folder that another run writes (process {owner})", "another --out"
+                ) from None
+            file.truncate(0)
+            file.write(f"{os.getpid()}\n")
+            file.flush()
             with swept(lock):
                 yield
-        finally:
+    finally:
+        # From before the file was there: a signal may raise between any two steps of the above.
+        _remove_if_free(lock)
+
+
+def _remove_if_free(lock: Path) -> None:
+    with suppress(OSError), lock.open("r+", encoding="ascii") as file:
+        if _locked(file, lock):
             lock.unlink(missing_ok=True)
 
 
