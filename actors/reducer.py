@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import os
 import threading
 import time
-from dataclasses import dataclass, field, replace
-
-import numpy as np
+from collections import deque
+from dataclasses import dataclass, field
 
 from actors.site import own_host
 from pipeline.allocation.plan import Plan, assignment_to_json
@@ -15,7 +15,7 @@ from pipeline.errors import SearchlightError, failure, in_one_line
 from pipeline.ingest.finding import Finding
 from pipeline.link.receiver import Receiver
 from pipeline.logs import Log, log_of_actor
-from pipeline.messages import Detections, Message
+from pipeline.messages import Message
 from pipeline.mission.controller.events import ReducerReport
 from pipeline.mission.controller.orders import Expect
 from pipeline.mission.controller.substreams import Substream
@@ -25,12 +25,17 @@ from pipeline.mission.local import make_reducer
 from pipeline.mission.prepared import PreparedMission
 from pipeline.mission.run_journal import RunJournal, journal_findings
 from pipeline.mission.stages.reducer import HopHistogram, ReducerStage
+from pipeline.mission.warm_up import warm_up
 from pipeline.outputs.live_names import LIVE
 
 _LOG = Log("actors")
 Address = tuple[str, int]
 #: how often the live view is looked at, and how long it rests after a fault, seconds
 _LOOK_S, _AFTER_FAULT_S = 0.1, 10.0
+#: an answer waits so long for the map, which may be busy with a slow disk, and is then the last one; for so long
+_PATIENCE_S, _STUCK_S = 0.2, 15.0
+#: an order is carried out at latest so much later
+_ORDERS_S = 0.05
 
 
 @dataclass(frozen=True)
@@ -76,10 +81,13 @@ class ReducerActor:
         holds is where the reducer begins.
         """
         log_of_actor("reducer")
-        _warm_up(prepared, plan)
+        warm_up(prepared, plan)
         self._stage = make_reducer(prepared, plan, lateness=realtime)
         self._durable = journal.reducer(self._stage, time.monotonic())
         self._changed = threading.Condition()
+        self._orders: deque[Expect] = deque()
+        self._said: tuple[frozenset[Substream], frozenset[Substream], ReducerStatus] | None = None
+        self._said_s = -math.inf
         self._error: SearchlightError | None = None
         self._finished = False
         self._live = LiveMap(journal.folder.parent / LIVE, prepared)
@@ -97,26 +105,37 @@ class ReducerActor:
             return self._durable.acknowledged
 
     def expect(self, order: Expect) -> None:
-        """Hold open what the order says, with what it is worth, and close all else; both are on the disk then."""
+        """Hold open what the order says, with what it is worth, and close all else; both are on the disk when they are
+        reported. It returns at once: the next question must not wait for a slow disk.
+        """
+        self._orders.append(order)
+
+    def _carry_out(self, order: Expect) -> None:
         reasons = {close.substream: close.reason for close in order.close}
-        with self._changed:
-            for opened in order.open:
-                key = opened.key.stream, opened.key.detector, opened.key.epoch
-                if key not in self._stage.open and key not in self._stage.sequencer.over:
-                    self._durable.open_again(*key, assignment_to_json(opened.assignment))
-            wanted = {(k.stream, k.detector, k.epoch) for k in order.keys}
-            # what is to be closed may never have been opened here: it is not to be opened later either
-            named = {(k.stream, k.detector, k.epoch) for k in reasons} - self._stage.sequencer.over
-            for key in sorted((self._stage.open - wanted) | named):
-                self._durable.close(*key, reasons.get(Substream(*key), "not_used"))
-            self._durable.commit()
+        for opened in order.open:
+            key = opened.key.stream, opened.key.detector, opened.key.epoch
+            if key not in self._stage.open and key not in self._stage.sequencer.over:
+                self._durable.open_again(*key, assignment_to_json(opened.assignment))
+        wanted = {(k.stream, k.detector, k.epoch) for k in order.keys}
+        # what is to be closed may never have been opened here: it is not to be opened later either
+        named = {(k.stream, k.detector, k.epoch) for k in reasons} - self._stage.sequencer.over
+        for key in sorted((self._stage.open - wanted) | named):
+            self._durable.close(*key, reasons.get(Substream(*key), "not_used"))
+        self._durable.commit()
 
     def report(self, incarnation: int = 0) -> tuple[ReducerReport, ReducerStatus]:
-        """What is open and closed, and a snapshot."""
-        with self._changed:
-            open_ = frozenset(Substream(*key) for key in self._stage.open)
-            closed = frozenset(Substream(*key) for key in self._stage.sequencer.over)
-        return ReducerReport(incarnation, open_, closed), self.status()
+        """What is open and closed, and a snapshot; while the map is busy what was said before, for a while."""
+        is_recent = time.monotonic() - self._said_s < _STUCK_S
+        if self._changed.acquire(timeout=_PATIENCE_S if is_recent else -1.0):
+            try:
+                open_ = frozenset(Substream(*key) for key in self._stage.open)
+                closed = frozenset(Substream(*key) for key in self._stage.sequencer.over)
+                self._said, self._said_s = (open_, closed, self.status()), time.monotonic()
+            finally:
+                self._changed.release()
+        assert self._said is not None
+        open_, closed, status = self._said
+        return ReducerReport(incarnation, open_, closed), status
 
     def status(self) -> ReducerStatus:
         """A snapshot."""
@@ -161,11 +180,14 @@ class ReducerActor:
             raise
 
     def _keep(self) -> None:
-        """Commit and write checkpoints when they are due."""
+        """Carry out orders, commit, and write checkpoints when they are due."""
         try:
             with self._changed:
                 while not self._finished:
-                    self._changed.wait(max(0.0, self._durable.due_s - time.monotonic()))
+                    due_s = self._durable.due_s - time.monotonic()
+                    self._changed.wait(min(max(0.0, due_s), _ORDERS_S))
+                    while self._orders and not self._finished:
+                        self._carry_out(self._orders.popleft())
                     if not self._finished:
                         self._durable.tick(time.monotonic())
         except Exception as error:
@@ -180,16 +202,3 @@ class ReducerActor:
             except Exception as error:
                 _LOG.warning("live view not written", error=in_one_line(failure(error)))
                 self._live.due_s = time.monotonic() + _AFTER_FAULT_S
-
-
-def _warm_up(prepared: PreparedMission, plan: Plan) -> None:
-    """Compile what the first result would have to wait for, on a map that is thrown away."""
-    stream = prepared.streams[0]
-    pose = stream.trajectory.pose(stream.trajectory.span_s[0])
-    assert pose is not None  # there is one at every sample
-    detector = next(a.detector for a in plan.assignments if a.stream == stream.stream)
-    box, score = np.array([[400.0, 200.0, 430.0, 260.0]]), np.array([0.9])
-    scratch = make_reducer(replace(prepared, onto=None), plan, lateness=False)
-    scratch.fuser.apply(
-        Detections(stream.stream, detector, 0, 0, pose, box, score, np.zeros(1, dtype=np.int64))
-    )

@@ -6,6 +6,7 @@ import math
 import queue
 import threading
 import time
+from collections import deque
 from types import SimpleNamespace
 
 import pytest
@@ -20,7 +21,7 @@ from pipeline.allocation.plan import Assignment, Plan, assignment_to_json
 from pipeline.link.receiver import Receiver
 from pipeline.link.sender import LinkState
 from pipeline.messages import Dropped
-from pipeline.mission.controller.events import Elapsed
+from pipeline.mission.controller.events import Elapsed, ReducerReport
 from pipeline.mission.controller.orders import Close, Expect, Run, Say, Send
 from pipeline.mission.controller.recorded import Recorded
 from pipeline.mission.controller.substreams import Opened, PlanEpoch, Substream
@@ -234,7 +235,7 @@ def test_the_reducer_opens_what_is_expected_with_its_assignment_closes_the_rest_
         (opened(epoch=1), opened(epoch=2), opened(epoch=3)),
         (Close(Substream("v", "m:d", 0), "machine_lost"), Close(Substream("v", "x:d", 9), "not_used")),
     )
-    actor.expect(expect)
+    actor._carry_out(expect)
     assert calls == [
         ("open", "v", "m:d", 3, assignment_to_json(opened().assignment)),
         ("close", "v", "m:d", 0, "machine_lost"),
@@ -243,9 +244,41 @@ def test_the_reducer_opens_what_is_expected_with_its_assignment_closes_the_rest_
     ]
 
 
+def test_a_reducer_whose_map_is_busy_still_answers_and_takes_orders_until_it_is_busy_for_too_long() -> None:
+    actor, calls = _reducer_actor({("v", "m:d", 0)}, set())
+    actor._orders, actor._said, actor._said_s = deque(), None, float("-inf")
+    actor.status = lambda: "as it is"
+    first = actor.report(3)
+    assert first == (ReducerReport(3, frozenset({Substream("v", "m:d", 0)})), "as it is")
+    let_go, busy = threading.Event(), threading.Event()
+
+    def hold() -> None:
+        with actor._changed:
+            busy.set()
+            let_go.wait(30.0)
+
+    holder = threading.Thread(target=hold)
+    holder.start()
+    busy.wait(30.0)
+    actor.status = lambda: "as it will be"
+    assert actor.report(3) == first
+    actor.expect(Expect(()))
+    assert calls == []
+    actor._said_s -= 60.0  # as if it had been busy for a minute: now it is silent, as one that hangs must be
+    later: list[object] = []
+    waiting = threading.Thread(target=lambda: later.append(actor.report(3)))
+    waiting.start()
+    waiting.join(0.5)
+    assert later == []
+    let_go.set()
+    waiting.join(30.0)
+    holder.join(30.0)
+    assert later == [(first[0], "as it will be")]
+
+
 def test_what_the_reducer_holds_open_unasked_is_closed_as_not_used() -> None:
     actor, calls = _reducer_actor({("v", "m:d", 0)}, set())
-    actor.expect(Expect(()))
+    actor._carry_out(Expect(()))
     assert calls == [("close", "v", "m:d", 0, "not_used"), ("commit",)]
 
 
