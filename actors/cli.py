@@ -23,6 +23,7 @@ from actors.commands import (
     init,
     mission,
     pool,
+    status,
 )
 from actors.terminal import progress_bars as _progress
 from actors.terminal import say as _say
@@ -33,6 +34,7 @@ app.command()(allocate.allocate)
 app.command()(export.export)
 app.command()(fuse.fuse)
 app.command()(init.init)
+app.command()(status.status)
 experiment_allocation.register(experiment.app)
 app.add_typer(experiment.app, name="experiment")
 evaluate.register(app)

@@ -1,8 +1,7 @@
 """A run in real time: the mission controller says what everybody does, and what is lost is replaced.
 
 Every actor is asked again and again, each by itself, so that one that is silent holds up no other. What they say goes
-to the scheduler, which hosts the controller; what that orders is passed on. Nobody's answer is waited for, but the
-scheduler's, and that not long: a scheduler that is lost is started again and plays the log of the one before.
+to the scheduler, which hosts the controller; what that orders is passed on. Nobody's answer is waited for.
 """
 
 from __future__ import annotations
@@ -14,6 +13,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from actors.calls import get, kill, remote, remote_here
+from actors.hosted_controller import HostedController
 from actors.live_record import LiveRecord
 from actors.machine import MachineActor
 from actors.metrics import RunCollector, Snapshot
@@ -37,14 +37,15 @@ from pipeline.mission.stages.source import StreamInput
 @dataclass(frozen=True)
 class LiveParams:
     """Seconds. poll_s: between an actor's answer and the next question. round_s: between two rounds of the supervisor.
-    scheduler_s: a scheduler that does not answer for so long is started again. first_s: so long the first plan may take
-    until all of it is ready. delay_s: the drones begin so long after that. end_s: how long a source waits for what is
-    on its way when its stream ends.
+    scheduler_s: a scheduler that does not answer for so long is started again, which may take it boot_s. first_s: so
+    long the first plan may take until all of it is ready. delay_s: the drones begin so long after that. end_s: how long
+    a source waits for what is on its way when its stream ends.
     """
 
     poll_s: float = 0.25
     round_s: float = 0.05
-    scheduler_s: float = 3.0
+    scheduler_s: float = 1.5
+    boot_s: float = 30.0
     first_s: float = 90.0
     delay_s: float = 1.0
     end_s: float = 4.0
@@ -70,17 +71,21 @@ class LiveWiring(Wiring):
 
     def plan(self) -> Plan:
         """The optimal plan, by the scheduler that goes on to host the controller."""
-        self._scheduler = remote_here(SchedulerActor).remote(self._prepared)
-        plan: Plan = get(self._scheduler.plan.remote(), "the scheduler")
-        return plan
+        params = self.params
+
+        def new() -> Any:
+            return remote_here(SchedulerActor).remote(self._prepared)
+
+        self._controller = HostedController(new, params.scheduler_s, params.boot_s, params.poll_s)
+        return self._controller.plan()
 
     def _start(self, plan: Plan, journal: RunJournal) -> None:
         self._plan, self._journal = plan, journal
         self._peers: dict[str, _Peer] = {}
-        self._all_planned, self._told_s = False, 0.0
+        self._all_planned = False
         self._finish_ordered = False
         self._record = LiveRecord.of(self._prepared, journal.folder.parent, time.monotonic())
-        self._begin_scheduler()
+        self._controller.begin(plan, self._record, time.monotonic())
         self._begin_reducer(0)
         reducer = self._peers[REDUCER]
         reducer.reached = get(reducer.address, "the reducer")
@@ -95,9 +100,6 @@ class LiveWiring(Wiring):
             self._let_go(stream)
 
     # --- actors
-
-    def _begin_scheduler(self) -> None:
-        self._scheduler.begin.remote(self._plan, self._record.begun_s, tuple(self._record.log))
 
     def _begin_reducer(self, incarnation: int) -> None:
         handle = remote_here(ReducerActor).remote(
@@ -198,11 +200,14 @@ class LiveWiring(Wiring):
             if peer.asked is None and now >= peer.due_s:
                 peer.asked = self._question(actor, peer)
         asked = {peer.asked: actor for actor, peer in self._peers.items() if peer.asked is not None}
-        answered, _ = ray.wait(list(asked), num_returns=len(asked), timeout=self.params.round_s)
-        events = [event for ref in answered for event in self._heard(asked[ref], ref)]
-        if len(answered) == len(asked):  # else it has waited for the others already
+        told = [] if self._controller.question is None else [self._controller.question]
+        waited = [*asked, *told]
+        answered, _ = ray.wait(waited, num_returns=len(waited), timeout=self.params.round_s)
+        events = [event for ref in answered if ref in asked for event in self._heard(asked[ref], ref)]
+        self._hear(self._controller.question in answered)
+        self._controller.tell([*events, *self._record.asked_by_the_operator()], time.monotonic())
+        if len(answered) == len(waited):  # else it has waited for the others already
             time.sleep(self.params.round_s)
-        self._tell(events)
 
     def _question(self, actor: str, peer: _Peer) -> Any:
         if actor.startswith("machine:"):
@@ -236,24 +241,15 @@ class LiveWiring(Wiring):
 
     # --- what the controller wants
 
-    def _tell(self, events: list[Event]) -> None:
-        now = time.monotonic()
-        events += self._record.asked_by_the_operator()
-        if not events and now - self._told_s < self.params.poll_s:
+    def _hear(self, is_answered: bool) -> None:
+        heard, say = self._controller.heard(is_answered, time.monotonic())
+        if say is not None:
+            self._note(say)
+        if heard is None:
             return
-        self._told_s = now
-        try:
-            recorded, self._all_planned = get(
-                self._scheduler.hear.remote(tuple(events), now), "the scheduler", self.params.scheduler_s
-            )
-        except SearchlightError as error:
-            self._note(Say("lost", "scheduler", in_one_line(error)))
-            kill(self._scheduler)
-            self._scheduler = remote_here(SchedulerActor).remote(self._prepared)
-            self._begin_scheduler()
-            return
-        self._record.take(recorded)
-        for step in recorded:
+        self._all_planned = heard.all_planned
+        self._record.take(heard)
+        for step in heard.recorded:
             for order in step.orders:
                 with suppress(KeyError):  # of an actor that is being replaced: it comes again
                     self._carry_out(order)
@@ -299,8 +295,8 @@ class LiveWiring(Wiring):
     def __exit__(self, *_: object) -> None:
         if hasattr(self, "_record"):
             self._record.close()
-        if hasattr(self, "_scheduler"):
-            kill(self._scheduler)
+        if hasattr(self, "_controller"):
+            self._controller.end()
         super().__exit__()
 
     def _result(self, plan: Plan) -> FinishedRun:
@@ -315,4 +311,6 @@ class LiveWiring(Wiring):
         ran = tuple(a for key, a in record.ran.items() if key in run.reducer.processed)
         again = {name for name in self._sources if self._peers[source_actor(name)].incarnation > 0}
         counts = {n: with_heard(n, c, run.reducer) if n in again else c for n, c in run.counts.items()}
-        return replace(run, counts=counts, ran=ran, timeline=tuple(record.timeline))
+        return replace(
+            run, counts=counts, ran=ran, timeline=tuple(record.timeline), search_area=record.area.file
+        )

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import time
 from collections import Counter
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from actors.scheduler import Heard
 from pipeline.allocation.plan import Assignment
 from pipeline.logs import ACTOR_LOGS, Log
+from pipeline.mission.area_change import AreaInFlight
 from pipeline.mission.controller.events import Event
 from pipeline.mission.controller.orders import Run, Say
 from pipeline.mission.controller.recorded import Recorded
+from pipeline.mission.controller.state import MissionState, begin
 from pipeline.mission.controller_log import CONTROLLER_LOG, ControllerLog
 from pipeline.mission.operator import OperatorsDesk
 from pipeline.mission.prepared import PreparedMission
@@ -23,11 +26,15 @@ _LOG = Log("actors")
 
 @dataclass
 class LiveRecord:
-    """begun_s: of the caller's monotonic clock. log: for a scheduler that is started again, all of it."""
+    """begun_s: of the caller's monotonic clock. state, log: where a scheduler that is started again goes on: from a
+    state that it gave, with what was heard since.
+    """
 
     begun_s: float
+    state: MissionState
     file: ControllerLog
     desk: OperatorsDesk
+    area: AreaInFlight
     log: list[Recorded] = field(default_factory=list)
     timeline: list[TimelineEntry] = field(default_factory=list)
     ran: dict[tuple[str, str], Assignment] = field(default_factory=dict)
@@ -37,7 +44,9 @@ class LiveRecord:
         """A new one. run: the run directory."""
         make_folder(run / ACTOR_LOGS)
         file = ControllerLog(run / ACTOR_LOGS / CONTROLLER_LOG, prepared.problem, begun_s)
-        return cls(begun_s, file, OperatorsDesk(run, [s.stream for s in prepared.streams]))
+        area = AreaInFlight(prepared, run)
+        desk = OperatorsDesk(run, [s.stream for s in prepared.streams], area.change)
+        return cls(begun_s, begin(prepared.problem, begun_s), file, desk, area)
 
     @property
     def losses(self) -> Counter[str]:
@@ -46,14 +55,19 @@ class LiveRecord:
 
     def asked_by_the_operator(self) -> list[Event]:
         """Since the last call."""
-        return self.desk.events()
+        events = self.desk.events()
+        for text in self.area.said():
+            self.note(Say("search area", "mission", text), time.monotonic())
+        return events
 
-    def take(self, recorded: Iterable[Recorded]) -> None:
+    def take(self, heard: Heard) -> None:
         """What the controller has taken and ordered."""
-        taken = tuple(recorded)
-        self.log += taken
-        self.file.append(taken)
-        for one in taken:
+        self.log += heard.recorded
+        if heard.state is not None:
+            self.state = heard.state
+            self.log.clear()
+        self.file.append(heard.recorded)
+        for one in heard.recorded:
             for order in one.orders:
                 if isinstance(order, Run):
                     self.ran |= {

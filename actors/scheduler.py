@@ -5,6 +5,7 @@ from __future__ import annotations
 import queue
 import threading
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
 from pipeline.allocation.plan import Plan
 from pipeline.errors import failure
@@ -12,13 +13,27 @@ from pipeline.mission.controller.controller import step
 from pipeline.mission.controller.events import Elapsed, Event, NotSolved, Solved
 from pipeline.mission.controller.orders import Solve
 from pipeline.mission.controller.recorded import Recorded, replay
-from pipeline.mission.controller.state import MissionState, begin
+from pipeline.mission.controller.state import MissionState
 from pipeline.mission.planning import plan
 from pipeline.mission.prepared import PreparedMission
 from pipeline.mission.solving import answers
 
 #: share of a plan's accuracy that may be given up to move fewer substreams
 _LOSS = 0.02
+#: events between two states that are given: what came before them need not be kept
+_STATE_EVERY = 500
+
+
+@dataclass(frozen=True)
+class Heard:
+    """What was taken and ordered. all_planned: every stream has an epoch to follow, or is known to have none.
+
+    state: after all that, now and then; a next scheduler can go on from there.
+    """
+
+    recorded: tuple[Recorded, ...]
+    all_planned: bool
+    state: MissionState | None = None
 
 
 class SchedulerActor:
@@ -29,25 +44,25 @@ class SchedulerActor:
         self._priorities = {stream.id: stream.priority for stream in prepared.mission.streams}
         self._first: Plan | None = None
         self._state: MissionState | None = None
+        self._since_state = 0
         self._answers: queue.Queue[Solved | NotSolved] = queue.Queue()
 
     def plan(self) -> Plan:
         """The optimal plan. Raises NoPlanError if there is none."""
         return plan(self._prepared)
 
-    def begin(self, first: Plan, now_s: float, log: Sequence[Recorded] = ()) -> None:
-        """Host the controller from now on. first: the plan of the whole inventory. log: of a scheduler before this."""
+    def begin(self, first: Plan, state: MissionState, log: Sequence[Recorded]) -> None:
+        """Host the controller from now on. first: the plan of the whole inventory. state, log: where a scheduler before
+        this one was, and what it has heard since.
+        """
         self._first = first
-        self._state = replay(begin(self._prepared.problem, now_s), log)
+        self._state = replay(state, log)
+        self._since_state = len(log)
         if self._state.asked is not None:  # its answer died with the process before
             self._answers.put(NotSolved(self._state.asked.request, "the scheduler was started again"))
 
-    def hear(self, events: Iterable[Event], now_s: float) -> tuple[tuple[Recorded, ...], bool]:
-        """Take events, and what the solver has found since; what was ordered, and whether every stream has an epoch
-        to follow, or is known to have none.
-
-        now_s: of the caller's clock, which outlives this actor.
-        """
+    def hear(self, events: Iterable[Event], now_s: float) -> Heard:
+        """Take events, and what the solver has found since. now_s: of the caller's clock, which outlives this actor."""
         assert self._state is not None, "begin comes first"
         recorded = []
         for event in (*events, *self._found(), Elapsed()):
@@ -56,7 +71,15 @@ class SchedulerActor:
             for order in orders:
                 if isinstance(order, Solve):
                     threading.Thread(target=self._solve, args=(order,), daemon=True).start()
-        return tuple(recorded), all(s.given or s.unserved for s in self._state.streams.values())
+        all_planned = all(s.given or s.unserved for s in self._state.streams.values())
+        return Heard(tuple(recorded), all_planned, self._state_if_due(len(recorded)))
+
+    def _state_if_due(self, more: int) -> MissionState | None:
+        self._since_state += more
+        if self._since_state < _STATE_EVERY:
+            return None
+        self._since_state = 0
+        return self._state
 
     def _found(self) -> Iterable[Solved | NotSolved]:
         while not self._answers.empty():

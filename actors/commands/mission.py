@@ -13,7 +13,10 @@ from pipeline.mission.operator import What, ask
 _Run = Annotated[Path, typer.Argument(help="The run directory of a `run --pace realtime` that goes on.")]
 _Stream = Annotated[str, typer.Argument(help="The stream's name in the mission file.")]
 
-app = typer.Typer(no_args_is_help=True, help="Pause, resume or stop streams of a mission while it flies.")
+app = typer.Typer(
+    no_args_is_help=True,
+    help="Pause, resume or stop streams of a mission while it flies, or change its area.",
+)
 
 
 @app.command()
@@ -34,6 +37,14 @@ def stop(
 ) -> None:
     """End a stream, or the whole mission: what was sent is still looked at, then the map is published."""
     _ask(run, "stop", stream)
+
+
+@app.command()
+def area(
+    run: _Run, file: Annotated[Path, typer.Argument(help="GeoJSON, KML or KMZ with the new search area.")]
+) -> None:
+    """Search another area: coverage, verdict and second look are judged by it; the map so far stays."""
+    say(ask(run, "area", None, file=file))
 
 
 def _ask(run: Path, what: What, stream: str | None) -> None:

@@ -87,17 +87,21 @@ def replayed(path: Path) -> tuple[MissionState, int]:
     """
     lines = _lines(path)
     head = next(lines, None)
-    if head is None or head.get("format") != _FORMAT:
+    if not isinstance(head, dict) or head.get("format") != _FORMAT:
         raise InputError(path, "no log of a mission controller of this version", f"a {CONTROLLER_LOG}")
-    state = begin(from_plain(head["problem"], _CLASSES), head["begun_s"])
     number = 0
-    for number, line in enumerate(lines, start=1):
-        event = from_plain(line["event"], _CLASSES)
-        state, orders = step(state, event, line["at_s"])
-        now, then = to_plain(tuple(orders)), line["orders"]
-        if now != then:
-            found = f"event {number}, {type(event).__name__}: ordered in flight {then}, now {now}"
-            raise InputError(path, found, "the same orders")
+    try:
+        state = begin(from_plain(head["problem"], _CLASSES), head["begun_s"])
+        for number, line in enumerate(lines, start=1):
+            event = from_plain(line["event"], _CLASSES)
+            state, orders = step(state, event, line["at_s"])
+            now, then = to_plain(tuple(orders)), line["orders"]
+            if now != then:
+                found = f"event {number}, {type(event).__name__}: ordered in flight {then}, now {now}"
+                raise InputError(path, found, "the same orders")
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        found = f"line {number + 1}, which is no part of such a log: {error!r}"
+        raise InputError(path, found, f"a {CONTROLLER_LOG} as it was written") from None
     return state, number
 
 

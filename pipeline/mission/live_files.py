@@ -52,13 +52,18 @@ _LOG = Log("mission")
 
 def write_flight(folder: Path, prepared: PreparedMission) -> None:
     """Write what is known before the first picture: the ground, and where the cameras are when."""
+    write_ground(folder, prepared)
+    write_bytes(folder / POSES, encoded([_flight(prepared, s) for s in prepared.streams]))
+
+
+def write_ground(folder: Path, prepared: PreparedMission) -> None:
+    """Write the heights and the search area."""
     mission = prepared.mission
     area = []
     if mission.search_area is not None:
         polygons = load_search_area(mission.search_area, prepared.frame).polygons
         area = [ring for rings in polygons for ring in rings]
     write_bytes(folder / GROUND, ground_of(prepared.terrain, area).encoded())
-    write_bytes(folder / POSES, encoded([_flight(prepared, s) for s in prepared.streams]))
 
 
 def _flight(prepared: PreparedMission, stream: StreamInput) -> Flight:

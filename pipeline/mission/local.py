@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from pipeline.allocation.plan import Assignment, Plan
 from pipeline.detection import open_pool_detector
@@ -44,7 +45,8 @@ class FinishedRun:
     first frame to last result. pace: ``realtime``, ``max``, ``local``, or ``fuse`` for detections that others
     made; own_detections: sentences about these, see Summary. links: measured, per (stream, site), in real
     time. partial: why and where it ended too early, if it did. findings: what was noticed on the way. error: that
-    ended it. ran: what else was run than the plan that it began with. timeline: what happened on the way.
+    ended it. ran: what else was run than the plan that it began with. timeline: what happened on the way. search_area:
+    the file of another one that an operator gave in flight.
     """
 
     plan: Plan
@@ -60,6 +62,7 @@ class FinishedRun:
     error: SearchlightError | None = None
     ran: tuple[Assignment, ...] = ()
     timeline: tuple[TimelineEntry, ...] = ()
+    search_area: Path | None = None
 
     @property
     def assignments(self) -> tuple[Assignment, ...]:

@@ -20,6 +20,7 @@ from pipeline.ingest.checks.box_sizes import check_box_sizes
 from pipeline.ingest.finding import Finding
 from pipeline.logs import LOG_FILE, Log, keep_log
 from pipeline.messages import FloatArray
+from pipeline.mission.area_change import with_search_area
 from pipeline.mission.found_place_crops import found_place_crops
 from pipeline.mission.ledger import contradictions, stream_account, substream_counts
 from pipeline.mission.live_files import write_flight
@@ -51,6 +52,8 @@ _LOG = Log("outputs")
 
 def write_run_directory(prepared: PreparedMission, run: FinishedRun, out: Path) -> Summary:
     """Write the run directory, whole or not at all; the summary that was written."""
+    if run.search_area is not None:
+        prepared = with_search_area(prepared, run.search_area)
     fuser = run.reducer.fuser
     locations, possible = found_and_possible(fuser.maps, fuser.looks, prepared.mission.fusion)
     truth = load_truth(prepared.mission.truth, prepared.frame) if prepared.mission.truth else ()

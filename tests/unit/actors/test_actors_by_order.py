@@ -16,6 +16,7 @@ from actors.live_record import LiveRecord
 from actors.machine import MachineActor, MachineParams
 from actors.metrics import Snapshot
 from actors.reducer import ReducerActor
+from actors.scheduler import Heard
 from actors.source import SourceActor
 from pipeline.allocation.plan import Assignment, Plan, assignment_to_json
 from pipeline.link.receiver import Receiver
@@ -192,11 +193,13 @@ def test_every_order_reaches_its_actor_and_a_source_is_told_where_the_machines_l
 
 def test_what_was_taken_is_kept_for_the_next_scheduler_written_and_known_to_have_run() -> None:
     written = []
-    record = LiveRecord(10.0, SimpleNamespace(append=written.append), SimpleNamespace())
+    record = LiveRecord(10.0, "first", SimpleNamespace(append=written.append), None, None)
     taken = Recorded(11.0, Elapsed(), (Run("m", (opened(),), 1, 2), Say("up", "machine:m")))
-    record.take([taken])
+    record.take(Heard((taken,), all_planned=False))
     record.note(Say("up", "machine:m"), 12.5)
-    assert (record.log, written) == ([taken], [(taken,)])
+    assert (record.state, record.log, written) == ("first", [taken], [(taken,)])
+    record.take(Heard((taken,), all_planned=False, state="later"))
+    assert (record.state, record.log) == ("later", [])
     assert record.ran == {("v", "m:d"): opened().assignment}
     assert [(e.at_s, e.what, e.subject) for e in record.timeline] == [(2.5, "up", "machine:m")]
 
@@ -284,7 +287,7 @@ def test_what_the_reducer_holds_open_unasked_is_closed_as_not_used() -> None:
 
 def test_how_often_actors_were_lost_reaches_the_metrics() -> None:
     wiring, *_ = _wiring()
-    wiring._record = LiveRecord(0.0, SimpleNamespace(append=len), SimpleNamespace())
+    wiring._record = LiveRecord(0.0, "first", SimpleNamespace(append=len), None, None)
     wiring._sources, wiring._machines = {}, {}
     for what, actor in (("lost", "reducer"), ("up", "reducer"), ("lost", "reducer"), ("lost", "machine:m")):
         wiring._record.note(Say(what, actor), 1.0)

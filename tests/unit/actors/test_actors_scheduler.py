@@ -7,11 +7,13 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from actors.live_record import LiveRecord
 from actors.scheduler import SchedulerActor
 from pipeline.allocation.plan import Plan
 from pipeline.allocation.problem import Problem
 from pipeline.mission.controller.events import Gone, MachineReport, NotSolved, ReducerReport, SourceReport
 from pipeline.mission.controller.orders import Run, Solve
+from pipeline.mission.controller.state import begin
 from tests.rehearsals import draw_problem, quick_plan
 
 
@@ -25,7 +27,7 @@ def _scheduler():
     solved = quick_plan(Solve(1, problem, ()))[-1]
     plan = Plan("optimal", 0.0, 0.0, 0.0, problem.cycle, solved.assignments, 0.0, 0, 0)
     scheduler = SchedulerActor(prepared(problem))
-    scheduler.begin(plan, 0.0)
+    scheduler.begin(plan, begin(problem, 0.0), ())
     return scheduler, problem, plan
 
 
@@ -38,8 +40,7 @@ def _all_up(problem):
 
 
 def _heard(scheduler, events, now_s):
-    recorded, _ = scheduler.hear(events, now_s)
-    return list(recorded)
+    return list(scheduler.hear(events, now_s).recorded)
 
 
 def _until(scheduler, log, kind, now_s):
@@ -70,7 +71,20 @@ def test_a_new_scheduler_orders_what_the_one_before_would_have_ordered() -> None
     log = _heard(scheduler, _all_up(problem), 0.1)
     _until(scheduler, log, Run, 0.2)
     again, _, _ = _scheduler()
-    again.begin(plan, 0.0, log)
+    again.begin(plan, begin(problem, 0.0), log)
+    assert again._state == scheduler._state
+
+
+def test_a_state_is_given_now_and_then_and_a_new_scheduler_goes_on_from_it_with_a_short_log() -> None:
+    scheduler, problem, plan = _scheduler()
+    record = LiveRecord(0.0, begin(problem, 0.0), SimpleNamespace(append=len), None, None)
+    longest = 0
+    for k in range(700):
+        record.take(scheduler.hear(_all_up(problem), 0.1 + 0.25 * k))
+        longest = max(longest, len(record.log))
+    assert 400 < longest < 700  # of more than 700 * 5 events
+    again, _, _ = _scheduler()
+    again.begin(plan, record.state, tuple(record.log))
     assert again._state == scheduler._state
 
 
@@ -80,7 +94,7 @@ def test_a_question_whose_answer_died_with_the_scheduler_is_asked_again() -> Non
     asked = [o for r in log for o in r.orders if isinstance(o, Solve)]
     assert len(asked) == 1
     again, _, _ = _scheduler()
-    again.begin(plan, 0.0, log)
+    again.begin(plan, begin(problem, 0.0), log)
     log = _heard(again, (), 0.2)
     assert any(isinstance(r.event, NotSolved) for r in log)
     log = _heard(again, [Gone("nobody", 0, "")], 2.0)

@@ -49,7 +49,32 @@ def test_of_a_run_that_was_killed_the_log_is_read_to_its_last_whole_line(tmp_pat
 
 
 @pytest.mark.parametrize(
-    "content", [b"", b"no gzip", gzip.compress(b"no json\n"), gzip.compress(b'{"format": "another"}\n')]
+    "line", [b"[]", b"{}", b'{"event": 3, "at_s": 1.0, "orders": []}', b'{"event": {"@": "map"}}']
+)
+def test_a_line_that_is_no_event_is_named(tmp_path: Path, line: bytes) -> None:
+    whole = gzip.decompress(written(rehearsed(72), tmp_path / "log").read_bytes()).splitlines()
+    (tmp_path / "log").write_bytes(gzip.compress(b"\n".join([*whole[:5], line, b""])))
+    with pytest.raises(InputError, match="line 6, which is no part of such a log"):
+        replayed(tmp_path / "log")
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"",
+        b"no gzip",
+        *(
+            gzip.compress(line + b"\n")
+            for line in (
+                b"no json",
+                b'{"format": "another"}',
+                b"[1]",
+                b'{"format": "searchlight controller log 1"}',
+                b'{"format": "searchlight controller log 1", "begun_s": 1.0, "problem": {"@": "Nobody"}}',
+                b'{"format": "searchlight controller log 1", "begun_s": 1.0, "problem": 3}',
+            )
+        ),
+    ],
 )
 def test_another_file_is_refused(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "log").write_bytes(content)

@@ -19,9 +19,17 @@ class Mission:
     """A run that looks at its desk every few milliseconds."""
 
     def __init__(self, run: Path) -> None:
-        self.desk, self.events, self.over = OperatorsDesk(run, ["drone-1", "drone-2"]), list[Event](), False
+        self.areas: list[tuple[str, bytes]] = []
+        self.desk = OperatorsDesk(run, ["drone-1", "drone-2"], self._area)
+        self.events, self.over = list[Event](), False
         self._thread = threading.Thread(target=self._look, daemon=True)
         self._thread.start()
+
+    def _area(self, file: Path) -> str:
+        if b"Polygon" not in file.read_bytes():
+            raise InputError(file, "no polygon", "a Polygon")
+        self.areas.append((file.suffix, file.read_bytes()))
+        return "the search area is now 1 m2"
 
     def _look(self) -> None:
         while not self.over:
@@ -77,10 +85,11 @@ def test_a_mission_that_does_not_answer_is_said_and_the_request_is_taken_back(tm
 
 @pytest.mark.parametrize(
     "text", ["", "{", "[]", '{"what": "pause"}', '{"what": "rm", "stream": null}', '{"what": "pause", "stream": 3}',
-             '{"what": "pause", "stream": null}', "x" * 20_000],
+             '{"what": "pause", "stream": null}', "x" * 20_000,
+             '{"what": "area", "stream": null}', '{"what": "area", "stream": null, "file": "../1.json"}'],
 )  # fmt: skip
 def test_a_request_that_cannot_be_read_is_answered_and_does_nothing(tmp_path: Path, text: str) -> None:
-    desk = OperatorsDesk(tmp_path, ["drone-1"])
+    desk = OperatorsDesk(tmp_path, ["drone-1"], str)
     (tmp_path / FOLDER / "1.json").write_text(text)
     assert desk.events() == []
     assert '"taken": false' in (tmp_path / FOLDER / "1.answer").read_text()
@@ -90,4 +99,27 @@ def test_a_request_that_cannot_be_read_is_answered_and_does_nothing(tmp_path: Pa
 def test_what_was_asked_of_a_run_before_is_not_asked_of_this_one(tmp_path: Path) -> None:
     (tmp_path / FOLDER).mkdir()
     (tmp_path / FOLDER / "1.json").write_text('{"what": "stop", "stream": null}')
-    assert OperatorsDesk(tmp_path, ["drone-1"]).events() == []
+    assert OperatorsDesk(tmp_path, ["drone-1"], str).events() == []
+
+
+def test_another_search_area_is_handed_over_as_a_copy_of_its_file(tmp_path: Path) -> None:
+    mission = Mission(tmp_path)
+    drawn = tmp_path / "drawn.kml"
+    drawn.write_text("<Polygon>")
+    result = CliRunner().invoke(app, ["mission", "area", str(tmp_path), str(drawn)])
+    assert result.exit_code == 0, result.output
+    assert "the search area is now 1 m2" in result.output
+    assert mission.end() == []
+    assert mission.areas == [(".kml", b"<Polygon>")]
+
+
+def test_a_search_area_that_cannot_be_used_is_refused_with_its_own_name(tmp_path: Path) -> None:
+    mission = Mission(tmp_path)
+    drawn = tmp_path / "drawn.kml"
+    with pytest.raises(InputError, match=r"drawn\.kml: found a file that cannot be read"):
+        ask(tmp_path, "area", None, file=drawn)
+    drawn.write_text("<Point>")
+    with pytest.raises(InputError, match=r"drawn\.kml: found no polygon; expected a Polygon"):
+        ask(tmp_path, "area", None, file=drawn)
+    mission.end()
+    assert mission.areas == []
