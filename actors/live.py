@@ -12,6 +12,8 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from actors.calls import get, kill, remote, remote_here
 from actors.hosted_controller import HostedController
 from actors.live_record import LiveRecord
@@ -19,14 +21,18 @@ from actors.machine import MachineActor
 from actors.metrics import RunCollector, Snapshot
 from actors.reducer import ReducerActor
 from actors.scheduler import SchedulerActor
-from actors.source import SourceActor
-from actors.wiring import Wiring
+from actors.source import SourceActor, SourceStatus
+from actors.stream_health import StreamHealths
+from actors.wiring import LAST_WORD_S, Wiring
 from pipeline.allocation.plan import Plan
 from pipeline.errors import RunFailedError, SearchlightError, in_one_line
+from pipeline.ingest.live.source import LiveSource
+from pipeline.messages import FloatArray
 from pipeline.mission.clocks import pacing_offsets_s
 from pipeline.mission.controller.events import Event, Gone
 from pipeline.mission.controller.orders import Expect, Finish, Order, Restart, Run, Say, Send
 from pipeline.mission.controller.state import REDUCER, machine_actor, source_actor
+from pipeline.mission.flown import Flown
 from pipeline.mission.ledger import with_heard
 from pipeline.mission.local import FinishedRun, source_params
 from pipeline.mission.run_journal import RunJournal
@@ -84,6 +90,7 @@ class LiveWiring(Wiring):
         self._peers: dict[str, _Peer] = {}
         self._all_planned = False
         self._finish_ordered = False
+        self._healths, self._ways = StreamHealths(), dict[str, list[FloatArray]]()
         self._record = LiveRecord.of(self._prepared, journal.folder.parent, time.monotonic())
         self._controller.begin(plan, self._record, time.monotonic())
         self._begin_reducer(0)
@@ -123,6 +130,8 @@ class LiveWiring(Wiring):
             for (name, site), bps in self._prepared.problem.link_bps.items()
             if name == stream.stream and bps > 0.0
         }
+        if isinstance(stream.source, LiveSource):
+            stream = replace(stream, source=stream.source.again(incarnation))
         handle = remote(SourceActor, stream.site).remote(
             stream,
             (),
@@ -136,6 +145,9 @@ class LiveWiring(Wiring):
 
     def _let_go(self, stream: StreamInput) -> None:
         """Let a source film: from its start, or for a new one from where the drone is by now."""
+        if stream.is_live:
+            self._sources[stream.stream].film.remote(stream.start_ns * 1e-9)
+            return
         streams = self._prepared.streams
         offsets_s = pacing_offsets_s(
             [s.start_ns for s in streams], [s.end_s - s.video.start_s for s in streams]
@@ -228,12 +240,21 @@ class LiveWiring(Wiring):
         except SearchlightError as error:
             peer.due_s = float("inf")
             return [Gone(actor, peer.incarnation, in_one_line(error))]
+        if actor.startswith("source:"):
+            self._heard_of_a_live_stream(peer.status)
         # what broke on a machine is in its report, substream by substream
         if actor.startswith("machine:") or peer.status.error is None:
             event: Event = report
             return [event]
         peer.due_s = float("inf")
         return [Gone(actor, peer.incarnation, in_one_line(peer.status.error))]
+
+    def _heard_of_a_live_stream(self, status: SourceStatus) -> None:
+        if status.way is not None:
+            self._ways.setdefault(status.stream, []).append(status.way)
+        if status.health is not None:
+            for said in self._healths.told(status.stream, status.health):
+                self._note(said)
 
     def _tell_machines_the_reducer(self, address: tuple[str, int] | None) -> None:
         for machine in self._machines.values():
@@ -312,5 +333,22 @@ class LiveWiring(Wiring):
         again = {name for name in self._sources if self._peers[source_actor(name)].incarnation > 0}
         counts = {n: with_heard(n, c, run.reducer) if n in again else c for n, c in run.counts.items()}
         return replace(
-            run, counts=counts, ran=ran, timeline=tuple(record.timeline), search_area=record.area.file
+            run,
+            counts=counts,
+            ran=ran,
+            timeline=tuple(record.timeline),
+            search_area=record.area.file,
+            flown=Flown(self._ways_to_the_end(), self._reached_s()),
         )
+
+    def _ways_to_the_end(self) -> dict[str, FloatArray]:
+        """Of the cameras of live streams; of one whose source is lost, as far as it was heard."""
+        for stream in self._prepared.streams:
+            if stream.is_live:
+                with suppress(SearchlightError):
+                    rest = get(self._sources[stream.stream].way.remote(), stream.stream, LAST_WORD_S)
+                    self._ways.setdefault(stream.stream, []).append(rest)
+        return {stream: np.concatenate(rows) for stream, rows in self._ways.items()}
+
+    def _reached_s(self) -> dict[str, float]:
+        return {stream: source.reached_s for stream, source in self._snapshot.sources.items()}

@@ -6,15 +6,18 @@ import math
 import os
 import threading
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from pipeline.allocation.plan import Assignment
 from pipeline.clock import Clock
 from pipeline.errors import RunFailedError, SearchlightError, failure
+from pipeline.ingest.live.health import Health
+from pipeline.ingest.live.live_trajectory import LiveTrajectory
+from pipeline.ingest.live.source import LiveSource
 from pipeline.link.sender import LinkSender, LinkState
 from pipeline.logs import Log, log_of_actor
-from pipeline.messages import Message
+from pipeline.messages import FloatArray, Message
 from pipeline.mission.controller.events import LinkMeasure, SourceReport
 from pipeline.mission.controller.orders import Send
 from pipeline.mission.durable_reducer import Acknowledgement
@@ -51,6 +54,8 @@ class SourceStatus:
     reached_s: float = 0.0
     cut_off: bool = False
     pid: int = field(default_factory=os.getpid)
+    health: Health | None = None
+    way: FloatArray | None = None
 
 
 #: a link that takes all that it is offered may take so much more than was measured
@@ -103,7 +108,10 @@ class SourceActor:
         self._begin(lambda: self._run_max(addresses))
 
     def film(self, start_time_s: float) -> None:
-        """Send each frame when it is due (real time), to whom ``follow`` says. start_time_s: UTC, of the first one."""
+        """Send each frame when it is due (real time), to whom ``follow`` says. start_time_s: UTC, of time 0.
+
+        Those of a live stream are due when they come.
+        """
         self._begin(lambda: self._run_realtime(start_time_s))
 
     def stop(self, flush_s: float) -> None:
@@ -127,7 +135,13 @@ class SourceActor:
             packets_sent=self._stage.packets_sent if self._stage else {},
             reached_s=self._reached_s,
             cut_off=self._cut_off,
+            health=self._stream.source.health if isinstance(self._stream.source, LiveSource) else None,
         )
+
+    def way(self) -> FloatArray | None:
+        """Of a live stream's camera, what was not reported yet, to its end."""
+        way = self._stream.trajectory
+        return way.take_rows(all_of_it=True) if isinstance(way, LiveTrajectory) else None
 
     def count(self) -> SourceCount:
         """What became of every frame, as the source knows it; call it when it is finished."""
@@ -157,7 +171,9 @@ class SourceActor:
 
     def report(self, incarnation: int = 0) -> tuple[SourceReport, SourceStatus]:
         """Which epoch it follows and what its links let through, and a snapshot."""
-        status = self.status()
+        status, way = self.status(), self._stream.trajectory
+        if isinstance(way, LiveTrajectory):
+            status = replace(status, way=way.take_rows())
         measures = tuple(
             LinkMeasure(site, state.rate_bps * (1.0 if state.full else _PROBE))
             for site, state in status.links.items()
@@ -173,11 +189,12 @@ class SourceActor:
         start_s = self._clock.monotonic_of(start_time_s)
         stage = self._stage = SourceStage(self._stream, (), link, self._params)
 
-        def wait_until(video_s: float) -> float:
+        def wait_until(video_s: float | None) -> float:
             self._bytes = link.bytes_sent
-            if self._stopped.wait(max(0.0, start_s + video_s - self._clock.monotonic_s())):
+            due_s = -math.inf if video_s is None or self._stream.is_live else start_s + video_s
+            if self._stopped.wait(max(0.0, due_s - self._clock.monotonic_s())):
                 raise _CutOffError
-            self._reached_s = video_s
+            self._reached_s = self._reached_s if video_s is None else video_s
             now_s = self._clock.monotonic_s() - start_s
             self._go_over(stage, link, now_s)
             return now_s
@@ -230,12 +247,12 @@ class SourceActor:
                 raise RunFailedError(f"stream {self._stream.stream}: {error}") from None
             self._require_read([] if taken else [detector])
 
-        def wait_until(video_s: float) -> float:
+        def wait_until(video_s: float | None) -> float:
             self._bytes = dict(link.bytes_sent)
             if self._stopped.is_set():
                 raise _CutOffError
-            self._reached_s = video_s
-            return video_s
+            self._reached_s = self._reached_s if video_s is None else video_s
+            return self._reached_s
 
         link = VirtualLink(
             self._bandwidth, WhatIsMissing(deliver, self._is_known) if self._known else deliver

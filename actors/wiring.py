@@ -36,7 +36,7 @@ _LOG = Log("actors")
 #: how often the actors are asked how they are, seconds
 POLL_S = 0.25
 #: at the end of a run that was cut off, an actor that says nothing for so long is dead, or as good as dead, seconds
-_LAST_WORD_S = 3.0
+LAST_WORD_S = 3.0
 
 
 @dataclass(frozen=True)
@@ -219,7 +219,7 @@ class Wiring:
         for s in self._prepared.streams:
             try:
                 counts[s.stream] = get(
-                    self._sources[s.stream].count.remote(), "", min(_LAST_WORD_S, self._stop.wait_s)
+                    self._sources[s.stream].count.remote(), "", min(LAST_WORD_S, self._stop.wait_s)
                 )
             except (SearchlightError, KeyError):
                 counts[s.stream] = count_known_to(s.stream, stage)
@@ -245,11 +245,11 @@ class Wiring:
         for source in self._sources.values():
             source.stop.remote(self._stop.wait_s)
         missing, since_s = math.inf, time.monotonic()
-        while self._stop.wait_s > 0.0 and time.monotonic() - since_s < _LAST_WORD_S:
+        while self._stop.wait_s > 0.0 and time.monotonic() - since_s < LAST_WORD_S:
             try:
                 reducer = get(self._reducer.status.remote(), "the reducer", self._stop.wait_s)
                 sources = {
-                    n: get(s.status.remote(), n, min(_LAST_WORD_S, self._stop.wait_s))
+                    n: get(s.status.remote(), n, min(LAST_WORD_S, self._stop.wait_s))
                     for n, s in self._sources.items()
                 }
             except (SearchlightError, AttributeError):  # it is gone, or was never there
@@ -267,7 +267,7 @@ class Wiring:
         """The reducer's state: from itself, or if it does not answer, from what it has put on the disk."""
         with suppress(SearchlightError, AttributeError):
             answer: tuple[ReducerStage, tuple[Finding, ...]] = get(
-                self._reducer.finish.remote(), "the reducer", max(_LAST_WORD_S, self._stop.wait_s)
+                self._reducer.finish.remote(), "the reducer", max(LAST_WORD_S, self._stop.wait_s)
             )
             return answer
         if self._reducer is not None:

@@ -7,7 +7,7 @@ import shutil
 import signal
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from actors.commands.people import print_people
@@ -17,11 +17,13 @@ from actors.source import Pace
 from actors.terminal import progress_bars, say
 from actors.wiring import RunOptions
 from pipeline.allocation.plan import Plan
+from pipeline.config.mission import load_mission
 from pipeline.errors import InputError
 from pipeline.logs import ACTOR_LOGS, FOLDER_VARIABLE, logged_run
 from pipeline.mission.disk_forecast import disk_forecast, require_room
 from pipeline.mission.durable_reducer import JournalParams
 from pipeline.mission.find_mission import find_mission
+from pipeline.mission.flown import as_flown
 from pipeline.mission.live_files import begin_live, end_live
 from pipeline.mission.local import FinishedRun, run_local
 from pipeline.mission.noticed import noticed
@@ -72,6 +74,7 @@ def run_mission(request: RunRequest) -> int:
             require_finished(out)
         onto = request.onto if record is None else record.onto
         earlier = None if onto is None else read_earlier_run(Path(onto))
+        request = _as_it_flies(request, mission)
         prepared = noticed(prepare(mission, earlier))
         begun = _Begun(request, prepared, out, record)
         try:
@@ -79,9 +82,18 @@ def run_mission(request: RunRequest) -> int:
         except BaseException:
             begun.forget()
             raise
-        summary = write_run_directory(prepared, finished, out)
+        summary = write_run_directory(as_flown(prepared, finished.flown), finished, out)
         begun.published(finished.partial is None)
     return _said(summary, finished, out, stop)
+
+
+def _as_it_flies(request: RunRequest, mission: Path) -> RunRequest:
+    """Live streams come in real time. Raises InputError for one process: what is lost there is not replaced."""
+    if not load_mission(mission).is_live:
+        return request
+    if request.local:
+        raise InputError("--local", f"live streams in {mission}", "a run on Ray, without --local")
+    return replace(request, pace="realtime")
 
 
 def _resumed(request: RunRequest) -> RunRecord:

@@ -10,20 +10,26 @@ from pydantic import Field, field_validator, model_validator
 from pipeline.config.base import Strict, load, mismatch, refuse_repeated
 from pipeline.config.camera import CameraSource
 from pipeline.config.fusion import Fusion
+from pipeline.config.live import Live
 from pipeline.config.outputs import Outputs
 from pipeline.config.processing import Processing
+from pipeline.config.stream_url import VIDEO_SCHEMES, StreamUrl, is_url, stream_url
 from pipeline.config.telemetry import Telemetry
 from pipeline.config.terrain import Terrain
 from pipeline.config.units import Seconds
 
 
 class Stream(Strict):
-    """One camera: a video, several recordings in a row, or a folder of stills."""
+    """One camera: a video, several recordings in a row, a folder of stills, or a live stream."""
 
     id: str = Field(pattern=r"^[A-Za-z0-9_.-]+$")
     """Letters, digits, `_`, `.`, `-`. Example: `drone-1`."""
-    video: Path | tuple[Path, ...] | None = None
-    """A file, or a list of those that a camera cut one recording into. Example: `[DJI_0001.MP4, DJI_0002.MP4]`."""
+    video: StreamUrl | Path | tuple[Path, ...] | None = None
+    """A file, or a list of those that a camera cut one recording into, or the URL of a [live stream](live.md).
+    Example: `[DJI_0001.MP4, DJI_0002.MP4]`.
+    """
+    live: Live = Live()
+    """Of a live stream: how long it is waited for."""
     stills: Path | None = None
     """Their folder, instead of a video; each is used at the time that its EXIF says. Example: `photos/`."""
     telemetry: Telemetry
@@ -44,19 +50,32 @@ class Stream(Strict):
     @property
     def videos(self) -> tuple[Path, ...]:
         """The video files, in their order."""
-        if self.video is None:
+        if self.video is None or isinstance(self.video, StreamUrl):
             return ()
         return self.video if isinstance(self.video, tuple) else (self.video,)
 
     @property
+    def url(self) -> StreamUrl | None:
+        """Of a live stream."""
+        return self.video if isinstance(self.video, StreamUrl) else None
+
+    @property
     def pictures(self) -> Path:
-        """The first video file, or the folder of the stills: what a fault of the pictures is said of."""
+        """The first video file, the folder of the stills, or the stream: what a fault of the pictures is said of."""
+        if self.url is not None:
+            return Path(str(self.url))
         return self.videos[0] if self.stills is None else self.stills
 
     @field_validator("video", mode="before")
     @classmethod
     def _video_is_a_path_or_paths(cls, given: Any) -> Any:
+        if isinstance(given, StreamUrl):
+            return given
         files = given if isinstance(given, list | tuple) else [given]
+        if any(is_url(file) for file in files):
+            if len(files) > 1:
+                raise mismatch("a URL among several videos", "one live stream, or a list of files")
+            return stream_url(files[0], tuple(VIDEO_SCHEMES))
         if not files or not all(isinstance(f, str | Path) and str(f) for f in files):
             raise mismatch(repr(given), "a video file, or a list of them")
         return tuple(files) if len(files) > 1 else files[0]
@@ -66,6 +85,22 @@ class Stream(Strict):
         if (self.video is None) == (self.stills is None):
             found = "nothing" if self.video is None else "a video and stills"
             raise mismatch(found, "video, or stills", ("video",))
+        return self
+
+    @model_validator(mode="after")
+    def _live_is_live(self) -> Stream:
+        if self.url is not None and (self.start is not None or self.end is not None):
+            raise mismatch("a part of a live stream", "start and end of a file only", ("video",))
+        if self.url is None and "live" in self.model_fields_set:
+            raise mismatch("live beside a file", "it with a video that is a URL", ("live",))
+        heard = self.telemetry.heard
+        if self.url is None and heard is not None:
+            raise mismatch("live telemetry of a video that is a file", "a file", ("telemetry", "file"))
+        if heard not in (None, self.url) and heard.scheme != "udp":
+            found = f"{heard}, which is not this stream's video"
+            raise mismatch(found, "a udp:// port that MAVLink is sent to", ("telemetry", "file"))
+        if self.url is not None and (self.telemetry.angles is not None or self.telemetry.following):
+            raise mismatch("several telemetry files of a live stream", "one", ("telemetry",))
         return self
 
     @model_validator(mode="after")
@@ -114,11 +149,28 @@ class Mission(Strict):
         refuse_repeated("stream", [stream.id for stream in self.streams], at="streams")
         return self
 
+    @model_validator(mode="after")
+    def _all_fly_at_one_time(self) -> Mission:
+        live = [stream.url is not None for stream in self.streams]
+        if any(live) and not all(live):
+            found = "live streams beside recordings, which are of another time"
+            raise mismatch(
+                found, "live streams only, or recordings only", ("streams", live.index(False), "video")
+            )
+        return self
+
+    @property
+    def is_live(self) -> bool:
+        """Whether it films while it runs."""
+        return any(stream.url is not None for stream in self.streams)
+
 
 def _resolved(telemetry: Telemetry, base: Path) -> Telemetry:
     angles = telemetry.angles
     if angles is not None:
         angles = angles.model_copy(update={"file": base / angles.file})
+    if telemetry.heard is not None:
+        return telemetry
     first, *following = (base / file for file in telemetry.files)
     return telemetry.model_copy(update={"file": first, "following": tuple(following), "angles": angles})
 
@@ -143,7 +195,7 @@ def load_mission(path: Path) -> Mission:
     streams = tuple(
         s.model_copy(
             update={
-                "video": _files(base, s.videos) if s.videos else None,
+                "video": _files(base, s.videos) if s.videos else s.url,
                 "stills": None if s.stills is None else base / s.stills,
                 "camera": s.camera.model_copy(update={"file": s.camera.file and base / s.camera.file}),
                 "telemetry": _resolved(s.telemetry, base),

@@ -9,6 +9,7 @@ from typing import Any, Literal
 from pydantic import Field, model_validator
 
 from pipeline.config.base import Strict, mismatch
+from pipeline.config.stream_url import VIDEO_SCHEMES, LiveUrl, is_url, stream_url
 from pipeline.config.terrain import Datum
 from pipeline.config.units import Meters, PositiveSeconds, Radians, Seconds
 
@@ -114,11 +115,15 @@ class Telemetry(Strict):
     """Where the camera was and where it looked."""
 
     file: Path
-    """One file, or a list of one for each recording of the stream. Example: `DJI_0001.SRT`."""
+    """One file, or a list of one for each recording of the stream. Beside a live stream: a file that is being
+    written, or the port that MAVLink is sent to, `udp://0.0.0.0:14550`. Example: `DJI_0001.SRT`.
+    """
     following: tuple[Path, ...] = ()
     """Where a list of files is kept once it is read; in a mission, give the list as `file`. Example:
     `[DJI_0002.SRT]`.
     """
+    heard: LiveUrl | None = None
+    """Where a URL is kept once it is read; in a mission, give it as `file`. Example: `udp://0.0.0.0:14550`."""
     format: str = "auto"
     """`auto`, or the name of a format of [telemetry.md](telemetry.md)."""
     time_offset: Seconds | None = None
@@ -173,7 +178,12 @@ class Telemetry(Strict):
     @model_validator(mode="before")
     @classmethod
     def _first_and_following(cls, given: Any) -> Any:
-        if not isinstance(given, dict) or not isinstance(given.get("file"), list | tuple):
+        if not isinstance(given, dict):
+            return given
+        if is_url(given.get("file")):
+            heard = stream_url(given["file"], tuple(VIDEO_SCHEMES))
+            return given | {"heard": heard, "file": Path(str(heard))}
+        if not isinstance(given.get("file"), list | tuple):
             return given
         if not given["file"]:
             raise mismatch("an empty list", "a file, or one for each recording", ("file",))

@@ -13,6 +13,7 @@ from pydantic import BeforeValidator
 from pydantic.fields import FieldInfo
 
 from pipeline.config.base import Strict
+from pipeline.config.stream_url import StreamUrl
 from pipeline.config.units import Quantity
 
 _PLAIN = {
@@ -21,6 +22,7 @@ _PLAIN = {
     float: "number",
     str: "text",
     Path: "path",
+    StreamUrl: "URL",
     Any: "anything",
 }
 _UNIONS = (Union, types.UnionType)

@@ -67,6 +67,11 @@ class PassedPicture:
     time_s: float
 
 
+@dataclass(frozen=True, slots=True)
+class NothingYet:
+    """Of a live stream: no picture has come for a moment."""
+
+
 class Source(Protocol):
     """A file, several in a row, a folder of stills, or a live stream."""
 
@@ -86,8 +91,11 @@ class Source(Protocol):
     def sent_size(self) -> tuple[int, int]:
         """Width and height of the planes that it gives: even, pixels."""
 
-    def pictures(self, rate_hz: float) -> Iterator[Picture | LostPicture | PassedPicture]:
-        """Every picture once, in order: given if it is the one at or just before a tick k / rate_hz, once each."""
+    def pictures(self, rate_hz: float) -> Iterator[Picture | LostPicture | PassedPicture | NothingYet]:
+        """Every picture once, in order: given if it is the one at or just before a tick k / rate_hz, once each.
+
+        A live stream says now and then that there is nothing yet.
+        """
 
     def images_at(self, times_s: Iterable[float]) -> Iterator[tuple[float, NDArray[np.uint8]]]:
         """For times of pictures: the time and the picture, uint8 (H, W, 3) RGB in full size; lost ones are left out."""

@@ -31,6 +31,10 @@ _TAKEOFF_WITHIN_M = 50.0
 Undulation = Callable[[float, float], tuple[float, float]]
 
 
+def _nothing_stands_in(east: float, north: float) -> float:
+    return 0.0
+
+
 @dataclass(frozen=True)
 class Ground:
     """What of the ground heights are told by. height_m(east, north): above the datum, NaN where unknown.
@@ -41,7 +45,7 @@ class Ground:
     datum: Datum
     height_m: Callable[[float, float], float]
     undulation: Undulation | None = None
-    extra_sd_m: Callable[[float, float], float] = lambda east, north: 0.0
+    extra_sd_m: Callable[[float, float], float] = _nothing_stands_in
 
 
 def trajectory_of(

@@ -45,7 +45,7 @@ def terrain_covers(mission: Mission, terrain: Terrain, stream: StreamInput) -> l
     Raises InputError if there is none at all, or if the drone is under it most of the time.
     """
     over, unknown, under = 0, [], []
-    for time_s in np.arange(stream.video.start_s, stream.end_s, 1.0):
+    for time_s in stream.seconds_s:
         pose = stream.trajectory.pose(float(time_s))
         if pose is None:
             continue

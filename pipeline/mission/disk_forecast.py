@@ -20,10 +20,11 @@ from pipeline.storage.journal_segment import OVERHEAD_BYTES
 @dataclass(frozen=True)
 class ForecastParams:
     """boxes: of a picture, as many as a detector finds in a busy one; most find none. left_bytes: what a disk must have
-    left beside, for the outputs.
+    left beside, for the outputs. live_s: of a live stream, whose end nobody knows.
     """
 
     boxes: int = 8
+    live_s: float = 3600.0
     left_bytes: int = 64 * 1024 * 1024
 
 
@@ -57,7 +58,7 @@ def disk_forecast(
     The whole journal is counted, as if no checkpoint ever made a part of it superfluous.
     """
     params = params or ForecastParams()
-    seconds = {s.stream: s.end_s - s.video.start_s for s in prepared.streams}
+    seconds = {s.stream: params.live_s if s.is_live else s.end_s - s.video.start_s for s in prepared.streams}
     rate_hz = prepared.mission.processing.frame_rate
     results = sum(seconds[a.stream] * rate_hz / a.period for a in plan.assignments)
     names = max((len(a.stream) + len(a.detector) for a in plan.assignments), default=0)

@@ -44,12 +44,12 @@ def fuse(
     """
     started = time.monotonic()
     mission = load_mission(path)
+    if mission.is_live:
+        raise InputError(path, "live streams", "recordings, which detections can be of")
     listing = read_listing(detections, images)
     prepared = _prepared(path, mission, detector)
     filmed = [
-        FilmedStream(
-            s.stream, s.path.name, s.source.exact_times_s(), s.trajectory, prepared.cameras[s.stream]
-        )
+        FilmedStream(s.stream, s.path.name, s.source.exact_times_s(), s.known_way, prepared.cameras[s.stream])
         for s in prepared.streams
     ]
     _looked_at(listing, looked_at, detections, prepared, filmed)

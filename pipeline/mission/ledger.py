@@ -42,16 +42,21 @@ def count_known_to(stream: str, reducer: ReducerStage) -> SourceCount:
 
 
 def with_heard(stream: str, count: SourceCount, reducer: ReducerStage) -> SourceCount:
-    """The count of a source that was started again, and knows nothing of what the one before it has sent."""
-    due, dropped = dict(count.due), dict(count.dropped)
+    """The count of a source that was started again, and knows nothing of what the one before it has sent.
+
+    Of a recording it comes by every frame again; of a live stream what the one before it captured, and nobody heard of,
+    is known to nobody.
+    """
+    due, dropped, captured = dict(count.due), dict(count.dropped), count.captured
     for name, detector in sorted(reducer.received):
         if name != stream:
             continue
         for index in reducer.received[name, detector] | reducer.dropped[name, detector].keys():
             dropped.pop((index, detector), None)
-            if index in due and detector not in due[index]:
-                due[index] = (*due[index], detector)
-    return replace(count, due=due, dropped=dropped)
+            captured += index not in due
+            if detector not in due.get(index, ()):
+                due[index] = (*due.get(index, ()), detector)
+    return replace(count, due=due, dropped=dropped, captured=captured)
 
 
 def substream_counts(

@@ -18,6 +18,7 @@ from pipeline.link.sender import LinkState
 from pipeline.logs import Log
 from pipeline.messages import Message
 from pipeline.mission.durable_reducer import DurableReducer
+from pipeline.mission.flown import Flown
 from pipeline.mission.live_files import LiveMap, write_local_status
 from pipeline.mission.missing import WhatIsMissing
 from pipeline.mission.onto import go_on
@@ -46,7 +47,7 @@ class FinishedRun:
     made; own_detections: sentences about these, see Summary. links: measured, per (stream, site), in real
     time. partial: why and where it ended too early, if it did. findings: what was noticed on the way. error: that
     ended it. ran: what else was run than the plan that it began with. timeline: what happened on the way. search_area:
-    the file of another one that an operator gave in flight.
+    the file of another one that an operator gave in flight. flown: the ways of live streams.
     """
 
     plan: Plan
@@ -63,6 +64,7 @@ class FinishedRun:
     ran: tuple[Assignment, ...] = ()
     timeline: tuple[TimelineEntry, ...] = ()
     search_area: Path | None = None
+    flown: Flown = field(default_factory=Flown)
 
     @property
     def assignments(self) -> tuple[Assignment, ...]:
@@ -176,7 +178,8 @@ def process(
 def cut_off_at(stream: StreamInput, video_s: float) -> CutOff:
     """Of a stream that was sent up to a time of its video."""
     begin_s = stream.video.start_s
-    return CutOff(stream.stream, video_s - begin_s, stream.end_s - begin_s, stream.trajectory.utc_ns(video_s))
+    end_s = video_s if stream.is_live else stream.end_s
+    return CutOff(stream.stream, video_s - begin_s, end_s - begin_s, stream.trajectory.utc_ns(video_s))
 
 
 def make_reducer(

@@ -38,7 +38,9 @@ _SLOWEST_S = 2.5
 
 def noticed(prepared: PreparedMission) -> PreparedMission:
     """The mission, with what the checks found beside what was found in reading it."""
-    found = (*_of_samples(prepared), *_of_motion(prepared), *check_proportions(prepared))
+    # of a live stream there are no pictures to compare yet
+    of_motion = [] if prepared.mission.is_live else _of_motion(prepared)
+    found = (*_of_samples(prepared), *of_motion, *check_proportions(prepared))
     return replace(prepared, findings=(*prepared.findings, *found))
 
 
@@ -46,16 +48,16 @@ def _of_samples(prepared: PreparedMission) -> list[Finding]:
     findings = []
     for stream, config in zip(prepared.streams, prepared.mission.streams, strict=True):
         track, where = prepared.tracks[stream.stream], str(config.telemetry.file)
-        if config.end is None:  # a part that was asked for is shorter than its telemetry
+        if (
+            config.end is None and not stream.is_live
+        ):  # a part that was asked for is shorter than its telemetry
             findings += check_duration(where, track, stream.end_s)
         findings += check_units(where, track)
-        findings += check_speed(where, stream.trajectory)
-        findings += check_sky(where, stream.trajectory, prepared.cameras[stream.stream])
+        findings += check_speed(where, stream.known_way)
+        findings += check_sky(where, stream.known_way, prepared.cameras[stream.stream])
         place = int(np.flatnonzero(track.has_position)[0])
         geoid_m, _ = undulation_m(float(track.latitude_deg[place]), float(track.longitude_deg[place]))
-        findings += check_takeoff(
-            where, track, config.telemetry, stream.trajectory, prepared.terrain, geoid_m
-        )
+        findings += check_takeoff(where, track, config.telemetry, stream.known_way, prepared.terrain, geoid_m)
     return findings
 
 
@@ -91,7 +93,7 @@ def _of_motion(prepared: PreparedMission) -> list[Finding]:
 
 def _shared_ground(prepared: PreparedMission, motions: Mapping[str, Motion]) -> SharedGround:
     filmed = {
-        s.stream: Filmed(str(c.telemetry.file), motions[s.stream], s.trajectory, prepared.cameras[s.stream])
+        s.stream: Filmed(str(c.telemetry.file), motions[s.stream], s.known_way, prepared.cameras[s.stream])
         for s, c in zip(prepared.streams, prepared.mission.streams, strict=True)
         if s.stream in motions
     }
@@ -102,7 +104,7 @@ def _predictor(
     prepared: PreparedMission, motions: Mapping[str, Motion], video: str, telemetry: StreamInput
 ) -> Predictor:
     """Of a stream's video, by a stream's telemetry."""
-    return Predictor(motions[video], telemetry.trajectory, prepared.cameras[video], prepared.terrain)
+    return Predictor(motions[video], telemetry.known_way, prepared.cameras[video], prepared.terrain)
 
 
 def _motions(prepared: PreparedMission) -> dict[str, Motion]:

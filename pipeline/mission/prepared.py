@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -37,6 +37,7 @@ from pipeline.mission.checks import (
 from pipeline.mission.clocks import settled
 from pipeline.mission.detectors import layers_of, look_at_detectors
 from pipeline.mission.faults import Faults
+from pipeline.mission.live_stream import LiveRecording, read_live
 from pipeline.mission.onto import EarlierRun, joined, require_continues, require_fits
 from pipeline.mission.recording import Recording, open_source, read_recording
 from pipeline.mission.sent_size import as_sent
@@ -138,7 +139,8 @@ def prepare(path: Path, onto: EarlierRun | None = None) -> PreparedMission:
     filmed = read_filmed(path, mission, faults, onto)
     mission, terrain, cameras, streams = filmed.mission, filmed.terrain, filmed.cameras, filmed.streams
     streams = tuple(replace(s, source=as_sent(s.source, look.picture_sizes.values())) for s in streams)
-    unfit = simulated_only(look.simulated, [file for s in streams for file in s.source.paths])
+    files = [file for s in streams for file in s.source.paths or (s.path,)]
+    unfit = simulated_only(look.simulated, files)
     own_site = {s.id: s.site for s in mission.streams}
     person_px = {}
     if mission.processing.expected_size:
@@ -172,7 +174,7 @@ def _log(filmed: Filmed) -> None:
             "stream read",
             stream=stream.stream,
             pictures=stream.video.pictures,
-            seconds=round(stream.end_s, 3),
+            seconds=None if stream.is_live else round(stream.end_s, 3),
             poses_from_s=round(first_s, 3),
             poses_to_s=round(last_s, 3),
             takeoff_m=round(stream.trajectory.takeoff_m, 2),
@@ -218,8 +220,10 @@ def read_filmed(path: Path, mission: Mission, faults: Faults, onto: EarlierRun |
     return Filmed(mission, terrain, cameras, streams, tuple(findings), left_out, by_stream, ground.heights)
 
 
-def _recordings(path: Path, mission: Mission, faults: Faults) -> list[Recording]:
+def _recordings(path: Path, mission: Mission, faults: Faults) -> Sequence[Recording | LiveRecording]:
     """Of all streams. The next video is opened and probed, outside of Python, while telemetry is read."""
+    if mission.is_live:
+        return _live_recordings(path, mission, faults)
     recordings = []
     with ThreadPoolExecutor(1) as pool:
         opening = [pool.submit(open_source, mission, stream) for stream in mission.streams]
@@ -229,17 +233,59 @@ def _recordings(path: Path, mission: Mission, faults: Faults) -> list[Recording]
     return recordings
 
 
-def _require_axes(mission: Mission, recordings: list[Recording]) -> None:
+def _live_recordings(path: Path, mission: Mission, faults: Faults) -> list[LiveRecording]:
+    """All are waited for at once."""
+    with ThreadPoolExecutor(len(mission.streams)) as pool:
+        looking = [pool.submit(read_live, path, mission, stream) for stream in mission.streams]
+        recordings = []
+        for looked in looking:
+            with faults.collected():
+                recordings.append(looked.result())
+    return recordings
+
+
+def _require_axes(mission: Mission, recordings: Sequence[Recording | LiveRecording]) -> None:
     if mission.terrain.flat is None and mission.terrain.origin is None:
         files = files_of(mission.terrain)
         for recording in recordings:
             require_axes_in_order(recording.stream.telemetry.file, recording.track, files)
 
 
+def _live_streams(
+    mission: Mission, ground: GroundModel, recordings: Sequence[LiveRecording], faults: Faults
+) -> tuple[tuple[StreamInput, ...], list[Finding]]:
+    """As _streams: they are on one clock already."""
+    streams, findings = [], list(ground.findings)
+    for recording in recordings:
+        with faults.collected():
+            source = recording.source(ground.terrain.frame, ground.ground, mission.fusion.uncertainty)
+            findings += recording.findings(source.way)
+            stream = StreamInput(
+                recording.stream.id,
+                recording.stream.site,
+                source,
+                source.way,
+                mission.processing.frame_rate,
+                mission.processing.codec,
+            )
+            findings += terrain_covers(mission, ground.terrain, stream)
+            streams.append(stream)
+    return tuple(streams), findings
+
+
 def _streams(
-    mission: Mission, ground: GroundModel, recordings: list[Recording], faults: Faults
+    mission: Mission, ground: GroundModel, recordings: Sequence[Recording | LiveRecording], faults: Faults
 ) -> tuple[tuple[StreamInput, ...], list[Finding]]:
     """The streams on one clock and over the terrain, and what was noticed on the way."""
+    live = [r for r in recordings if isinstance(r, LiveRecording)]
+    if live:
+        return _live_streams(mission, ground, live, faults)
+    return _recorded_streams(mission, ground, [r for r in recordings if isinstance(r, Recording)], faults)
+
+
+def _recorded_streams(
+    mission: Mission, ground: GroundModel, recordings: Sequence[Recording], faults: Faults
+) -> tuple[tuple[StreamInput, ...], list[Finding]]:
     terrain = ground.terrain
     findings = list(ground.findings)
     flights = []
@@ -280,15 +326,24 @@ def terrain_at(prepared: PreparedMission, cell_m: float) -> Terrain:
     return load_ground(prepared.mission.terrain, cell_m, prepared.frame, window, tracks).terrain
 
 
-def _seen(mission: Mission, frame: LocalFrame, recordings: list[Recording]) -> Window | None:
-    """The part of the map frame that matters: what the cameras can see, and what is to be searched."""
-    reach_m = max((_reach_m(mission, r.camera) for r in recordings), default=0.0)
+def _seen(
+    mission: Mission, frame: LocalFrame, recordings: Sequence[Recording | LiveRecording]
+) -> Window | None:
+    """The part of the map frame that matters: what the cameras can see, and what is to be searched.
+
+    A live stream's drone will fly farther than it has.
+    """
+    reach_m = max((_reach_m(mission, r.camera) + _range_m(r) for r in recordings), default=0.0)
     window = window_about([r.track for r in recordings], frame, reach_m)
     if mission.search_area is None or window is None:
         return window
     west, south, east, north = load_search_area(mission.search_area, frame).bounds_m
     require_near(mission.search_area, (west, south, east, north), window)
     return min(west, window[0]), min(south, window[1]), max(east, window[2]), max(north, window[3])
+
+
+def _range_m(recording: Recording | LiveRecording) -> float:
+    return recording.stream.live.range if isinstance(recording, LiveRecording) else 0.0
 
 
 def _reach_m(mission: Mission, camera: Camera) -> float:
@@ -311,7 +366,7 @@ def _with_ground_sd(mission: Mission, sd_m: float) -> Mission:
 def _person_px(terrain: Terrain, camera: Camera, stream: StreamInput) -> float:
     """The size of a person to be expected in the stream's pictures: the median over its seconds."""
     sizes = []
-    for time_s in np.arange(stream.video.start_s, stream.end_s, 1.0):
+    for time_s in stream.seconds_s:
         pose = stream.trajectory.pose(float(time_s))
         if pose is None:
             continue

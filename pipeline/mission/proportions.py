@@ -87,7 +87,7 @@ def middles(stream: StreamInput, camera: Camera, terrain: Terrain) -> list[tuple
     """The camera's poses, once a second, that see ground in the middle of the picture, and where (3,)."""
     middle = np.array([[camera.cx, camera.cy]])
     found = []
-    for time_s in np.arange(stream.video.start_s, stream.end_s, 1.0):
+    for time_s in stream.seconds_s:
         pose = stream.trajectory.pose(float(time_s))
         if pose is None:
             continue

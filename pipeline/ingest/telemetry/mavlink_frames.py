@@ -34,6 +34,18 @@ def is_frame_after_stamp(data: bytes, position: int) -> bool:
     return position + _STAMP_BYTES < len(data) and data[position + _STAMP_BYTES] in _MAGIC
 
 
+def frames_in(data: bytes) -> Iterator[bytes]:
+    """The whole frames of bytes without times, such as a datagram; what is between them is stepped over."""
+    position = 0
+    while position < len(data):
+        length = _frame_length(data, position)
+        if length is None or position + length > len(data):
+            position += 1
+            continue
+        yield data[position : position + length]
+        position += length
+
+
 def messages_of(
     data: bytes, wanted: Container[int], where: object, left_out: LeftOut
 ) -> Iterator[LoggedMessage]:

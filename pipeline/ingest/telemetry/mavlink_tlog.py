@@ -28,7 +28,7 @@ from pipeline.messages import FloatArray
 EXPECTED = "a MAVLink telemetry log (.tlog) with positions"
 HEARTBEAT, SYSTEM_TIME, GPS_RAW, ATTITUDE, POSITION = 0, 2, 24, 30, 33
 MOUNT_STATUS, CAMERA_FEEDBACK, CAPTURE_STATUS, MOUNT_ORIENTATION, GIMBAL_DEVICE = 158, 180, 262, 265, 285
-_WANTED = frozenset(
+WANTED = frozenset(
     (
         *(HEARTBEAT, SYSTEM_TIME, GPS_RAW, ATTITUDE, POSITION),
         *(MOUNT_STATUS, CAMERA_FEEDBACK, CAPTURE_STATUS, MOUNT_ORIENTATION, GIMBAL_DEVICE),
@@ -50,7 +50,13 @@ def read_mavlink_tlog(telemetry: Telemetry) -> Track:
     """The samples of the vehicle. Raises InputError if there is none, or if there are several and none is named."""
     path, left_out = telemetry.file, LeftOut()
     data = read_bytes(path, EXPECTED)
-    messages = list(messages_of(data, _WANTED, path, left_out))
+    return track_of_messages(path, list(messages_of(data, WANTED, path, left_out)), telemetry, left_out)
+
+
+def track_of_messages(
+    path: Path, messages: Sequence[LoggedMessage], telemetry: Telemetry, left_out: LeftOut
+) -> Track:
+    """The samples of the vehicle in messages as they were received. Raises InputError as read_mavlink_tlog does."""
     if not messages:
         raise InputError(path, f"no message of an aircraft ({left_out or 'none at all'})", EXPECTED)
     vehicle = _vehicle(path, messages, telemetry)

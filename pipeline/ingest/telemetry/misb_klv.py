@@ -19,14 +19,14 @@ from pipeline.errors import InputError
 from pipeline.ingest.attitude import camera_on_aircraft
 from pipeline.ingest.samples import LeftOut, Sample, track_of
 from pipeline.ingest.telemetry.binary_file import read_bytes
-from pipeline.ingest.telemetry.misb_azimuth import azimuth_reading
+from pipeline.ingest.telemetry.misb_azimuth import Reading, azimuth_reading
 from pipeline.ingest.telemetry.misb_packets import KEY, OLD_KEY, MisbPacket, packets_of
 from pipeline.ingest.telemetry.misb_stream import KlvPiece, is_transport_stream, klv_pieces
 from pipeline.ingest.track import Track
 from pipeline.messages import FloatArray
 
 EXPECTED = "MISB ST 0601 metadata (KLV), bare or in an MPEG transport stream"
-_FIRST_DATE_US = 631_152_000_000_000  # 1990-01-01: a clock that was never set counts from 1970
+FIRST_DATE_US = 631_152_000_000_000  # 1990-01-01: a clock that was never set counts from 1970
 #: packets of one piece share its presentation time; their own times tell them apart, up to so much
 _LONGEST_PIECE_S = 10.0
 
@@ -51,12 +51,27 @@ def read_misb_klv(telemetry: Telemetry) -> Track:
         old = any(OLD_KEY in piece.data for piece in pieces)
         raise InputError(path, "the older universal set EG 0104" if old else "no packet of ST 0601", EXPECTED)
     times_s = _times_s(packets, pieces, in_stream, assumed)
-    columns, datum = _columns(path, packets, telemetry, assumed)
+    return track_of_packets(path, packets, times_s, telemetry, left_out, assumed, tied_to_video=in_stream)
+
+
+def track_of_packets(
+    path: Path,
+    packets: Sequence[MisbPacket],
+    times_s: Sequence[float] | FloatArray,
+    telemetry: Telemetry,
+    left_out: LeftOut,
+    assumed: Sequence[str] = (),
+    *,
+    tied_to_video: bool = True,
+) -> Track:
+    """The samples of packets, at their times (N,), seconds. Raises InputError as read_misb_klv does."""
+    said = list(assumed)
+    columns, datum = _columns(path, packets, telemetry, said)
     samples = []
     for i, packet in enumerate(packets):
         values = {name: float(column[i]) for name, column in columns.items() if math.isfinite(column[i])}
         stamp_us = packet.fields.timestamp_us or 0
-        date_ns = stamp_us * 1000 if stamp_us > _FIRST_DATE_US else None
+        date_ns = stamp_us * 1000 if stamp_us > FIRST_DATE_US else None
         samples.append(Sample(f"{path} packet {packet.number}", float(times_s[i]), values, date_ns))
     return track_of(
         path,
@@ -64,9 +79,9 @@ def read_misb_klv(telemetry: Telemetry) -> Track:
         expected=EXPECTED,
         clock="utc",
         left_out=left_out,
-        tied_to_video=in_stream,
+        tied_to_video=tied_to_video,
         height_datum=datum,
-        assumed=assumed,
+        assumed=said,
     )
 
 
@@ -76,30 +91,11 @@ def _columns(
     """The fields of the packets by the names of ``samples.FIELDS``, (N,) each, NaN where absent."""
     latitude, longitude = (_field(packets, name) for name in ("sensor_lat_deg", "sensor_lon_deg"))
     height, datum = _height(packets)
-    aircraft = np.stack(
-        [
-            _field(packets, "platform_heading_deg"),
-            _field(packets, "platform_pitch_full_deg", "platform_pitch_deg"),
-            _field(packets, "platform_roll_full_deg", "platform_roll_deg"),
-        ],
-        axis=1,
-    )
-    sensor = np.stack(
-        [
-            _field(packets, "sensor_rel_az_deg"),
-            _field(packets, "sensor_rel_el_deg"),
-            np.nan_to_num(_field(packets, "sensor_rel_roll_deg")),
-        ],
-        axis=1,
-    )
-    centres = np.stack(
-        [_field(packets, f"frame_center_{name}") for name in ("lat_deg", "lon_deg", "elev_m")], axis=1
-    )
+    aircraft, sensor = _aircraft(packets), _sensor(packets)
     camera = np.full(sensor.shape, math.nan)
-    if np.isfinite(sensor).all(axis=1).any():
-        positions = np.stack([latitude, longitude, height], axis=1)
+    reading = reading_of(path, packets, telemetry, assumed)
+    if reading is not None:
         own, relative = np.radians(aircraft), np.radians(sensor)
-        reading = azimuth_reading(path, telemetry.sensor_azimuth, own, relative, positions, centres, assumed)
         camera = (
             np.degrees(camera_on_aircraft(own, relative)) if reading == "relative" else _from_north(relative)
         )
@@ -114,6 +110,46 @@ def _columns(
         **dict(zip(("aircraft_yaw", "aircraft_pitch", "aircraft_roll"), aircraft.T, strict=True)),
         "focal_length_35mm": focal_mm,
     }, datum
+
+
+def reading_of(
+    path: object, packets: Sequence[MisbPacket], telemetry: Telemetry, assumed: list[str]
+) -> Reading | None:
+    """What the camera's angles count from; None if there are none. Raises InputError if nothing fits."""
+    sensor = _sensor(packets)
+    if not np.isfinite(sensor).all(axis=1).any():
+        return None
+    places = [_field(packets, name) for name in ("sensor_lat_deg", "sensor_lon_deg")]
+    positions = np.stack([*places, _height(packets)[0]], axis=1)
+    centres = np.stack(
+        [_field(packets, f"frame_center_{name}") for name in ("lat_deg", "lon_deg", "elev_m")], axis=1
+    )
+    own, relative = np.radians(_aircraft(packets)), np.radians(sensor)
+    return azimuth_reading(path, telemetry.sensor_azimuth, own, relative, positions, centres, assumed)
+
+
+def _aircraft(packets: Sequence[MisbPacket]) -> FloatArray:
+    """Heading, pitch and roll of the aircraft, degrees (N, 3)."""
+    return np.stack(
+        [
+            _field(packets, "platform_heading_deg"),
+            _field(packets, "platform_pitch_full_deg", "platform_pitch_deg"),
+            _field(packets, "platform_roll_full_deg", "platform_roll_deg"),
+        ],
+        axis=1,
+    )
+
+
+def _sensor(packets: Sequence[MisbPacket]) -> FloatArray:
+    """Azimuth, elevation and roll of the camera, degrees (N, 3)."""
+    return np.stack(
+        [
+            _field(packets, "sensor_rel_az_deg"),
+            _field(packets, "sensor_rel_el_deg"),
+            np.nan_to_num(_field(packets, "sensor_rel_roll_deg")),
+        ],
+        axis=1,
+    )
 
 
 def _height(packets: Sequence[MisbPacket]) -> tuple[FloatArray, Datum]:

@@ -11,12 +11,15 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Protocol
 
+import numpy as np
+
 from pipeline.allocation.plan import Assignment
 from pipeline.errors import RunFailedError
-from pipeline.ingest.source import LostPicture, PassedPicture, Picture, Source, SourceInfo
+from pipeline.ingest.live.live_trajectory import LiveTrajectory
+from pipeline.ingest.source import LostPicture, NothingYet, PassedPicture, Picture, Source, SourceInfo
 from pipeline.ingest.trajectory import Trajectory
 from pipeline.link.codec import Codec, Encoder
-from pipeline.messages import EndOfStream, Frame, Message, Packet
+from pipeline.messages import EndOfStream, FloatArray, Frame, Message, Packet
 from pipeline.mission.controller.substreams import Opened, PlanEpoch
 
 
@@ -47,7 +50,7 @@ class StreamInput:
     stream: str
     site: str
     source: Source
-    trajectory: Trajectory
+    trajectory: Trajectory | LiveTrajectory
     processing_rate_hz: float
     codec: Codec
 
@@ -57,14 +60,32 @@ class StreamInput:
         return self.source.info
 
     @property
+    def is_live(self) -> bool:
+        """Whether its end is not known."""
+        return self.video.duration_s is None
+
+    @property
     def path(self) -> Path:
-        """The first video file, or the first still."""
-        return self.source.paths[0]
+        """The first video file, or the first still; of a live stream what an error calls it."""
+        return self.source.paths[0] if self.source.paths else Path(self.stream)
 
     @property
     def end_s(self) -> float:
-        """Time of the video at which it ends."""
+        """Time of the video at which it ends; 0 of a live stream, as long as it flies."""
         return self.video.duration_s or 0.0
+
+    @property
+    def seconds_s(self) -> FloatArray:
+        """A time for each second of the video that is used, (N,); of a live stream, of what was seen of it."""
+        if self.is_live:
+            first_s, last_s = self.trajectory.span_s
+            return np.arange(first_s, max(last_s, first_s + 1e-3), 1.0)
+        return np.arange(self.video.start_s, self.end_s, 1.0)
+
+    @property
+    def known_way(self) -> Trajectory:
+        """The camera's way, of a live stream what is known of it."""
+        return self.trajectory if isinstance(self.trajectory, Trajectory) else self.trajectory.newest
 
     @property
     def start_ns(self) -> int:
@@ -183,12 +204,19 @@ class SourceStage:
         """Packets that were given to the link, by detector."""
         return dict(self._packets_sent)
 
-    def run(self, wait_until: Callable[[float], float]) -> None:
-        """Send the whole stream. wait_until(time since its start, s) returns the link's time when a frame is due."""
-        for frame in self.frames():
+    def run(self, wait_until: Callable[[float | None], float]) -> None:
+        """Send the whole stream. wait_until(time since its start, s) returns the link's time when a frame is due.
+
+        A live stream's frames are due when they come, and None is waited for: not at all. What waited too long at its
+        source is given up there.
+        """
+        for frame in self._frames_and_silence():
+            if frame is None:
+                wait_until(None)
+                continue
             due_s = frame.time_s - self.stream.video.start_s
             now_s = wait_until(due_s)
-            self.offer(frame, now_s, late_s=now_s - due_s)
+            self.offer(frame, now_s, late_s=0.0 if self.stream.is_live else now_s - due_s)
         self.end()
 
     def end(self) -> None:
@@ -213,7 +241,14 @@ class SourceStage:
 
     def frames(self) -> Iterator[Frame]:
         """The frames on the processing clock, with their poses."""
+        return (frame for frame in self._frames_and_silence() if frame is not None)
+
+    def _frames_and_silence(self) -> Iterator[Frame | None]:
+        """As frames; None where a live stream has nothing yet."""
         for picture in self.stream.source.pictures(self.stream.processing_rate_hz):
+            if isinstance(picture, NothingYet):
+                yield None
+                continue
             self.count.captured += 1
             if isinstance(picture, LostPicture):
                 self.count.lose(picture.index, picture.reason)
