@@ -27,6 +27,7 @@ from actors.wiring import LAST_WORD_S, Wiring
 from pipeline.allocation.plan import Plan
 from pipeline.errors import RunFailedError, SearchlightError, in_one_line
 from pipeline.ingest.live.source import LiveSource
+from pipeline.link.keys import Endpoint
 from pipeline.messages import FloatArray
 from pipeline.mission.clocks import pacing_offsets_s
 from pipeline.mission.controller.events import Event, Gone
@@ -59,14 +60,18 @@ class LiveParams:
 
 @dataclass
 class _Peer:
-    """One actor. asked: the question that is not answered yet. address: where it listens, once that is known."""
+    """One actor. asked: the question that is not answered yet. endpoint: of Ray, where it listens; reached: it, once
+    that is known. key: its public one, once that is known; told_key: of Ray, until then.
+    """
 
     handle: Any
     incarnation: int
     asked: Any = None
     due_s: float = 0.0
-    address: Any = None
-    reached: tuple[str, int] | None = None
+    endpoint: Any = None
+    reached: Endpoint | None = None
+    told_key: Any = None
+    key: bytes | None = None
     status: Any = None
 
 
@@ -95,7 +100,7 @@ class LiveWiring(Wiring):
         self._controller.begin(plan, self._record, time.monotonic())
         self._begin_reducer(0)
         reducer = self._peers[REDUCER]
-        reducer.reached = get(reducer.address, "the reducer")
+        reducer.reached = get(reducer.endpoint, "the reducer")
         for machine in self._prepared.problem.machines:
             self._begin_machine(machine.id, machine.site, 0)
         for stream in self._prepared.streams:
@@ -109,20 +114,21 @@ class LiveWiring(Wiring):
     # --- actors
 
     def _begin_reducer(self, incarnation: int) -> None:
-        handle = remote_here(ReducerActor).remote(
-            self._prepared, self._plan, None, self._token, True, self._journal
-        )
+        handle = remote_here(ReducerActor).remote(self._prepared, self._plan, None, True, self._journal)
         self._reducer = handle
-        self._peers[REDUCER] = _Peer(handle, incarnation, address=handle.address.remote())
+        self._peers[REDUCER] = _Peer(handle, incarnation, endpoint=handle.endpoint.remote())
+        self._tell_keys()
 
     def _begin_machine(self, name: str, site: str, incarnation: int) -> None:
         codec = self._prepared.mission.processing.codec
-        handle = remote(MachineActor, site).remote(name, None, self._token, codec)
+        handle = remote(MachineActor, site).remote(name, None, codec)
+        told_key = handle.public_key.remote()
         with_model = {d.id: d for d in self._prepared.pool.detectors if d.model is not None}
         reducer, layers = self._peers[REDUCER].reached, self._prepared.layers
-        address = handle.begin.remote(with_model, reducer, layers, incarnation)
+        endpoint = handle.begin.remote(with_model, reducer, layers, incarnation)
         self._machines[name] = handle
-        self._peers[machine_actor(name)] = _Peer(handle, incarnation, address=address)
+        self._peers[machine_actor(name)] = _Peer(handle, incarnation, endpoint=endpoint, told_key=told_key)
+        self._tell_keys()
 
     def _begin_source(self, stream: StreamInput, incarnation: int) -> None:
         links = {
@@ -136,12 +142,14 @@ class LiveWiring(Wiring):
             stream,
             (),
             links,
-            self._token,
             source_params(self._prepared),
             RadioParams(end_s=self.params.end_s),
         )
         self._sources[stream.stream] = handle
-        self._peers[source_actor(stream.stream)] = _Peer(handle, incarnation)
+        self._peers[source_actor(stream.stream)] = _Peer(
+            handle, incarnation, told_key=handle.public_key.remote()
+        )
+        self._tell_keys()
 
     def _let_go(self, stream: StreamInput) -> None:
         """Let a source film: from its start, or for a new one from where the drone is by now."""
@@ -207,6 +215,7 @@ class LiveWiring(Wiring):
         """Ask who is due, hear who has answered, and pass on what follows."""
         import ray
 
+        self._learn_keys()
         now = time.monotonic()
         for actor, peer in self._peers.items():
             if peer.asked is None and now >= peer.due_s:
@@ -233,8 +242,8 @@ class LiveWiring(Wiring):
         peer.asked, peer.due_s = None, time.monotonic() + self.params.poll_s
         try:
             report, peer.status = get(ref, actor)
-            if peer.reached is None and peer.address is not None:
-                peer.reached = get(peer.address, actor, 5.0)
+            if peer.reached is None and peer.endpoint is not None:
+                peer.reached = get(peer.endpoint, actor, 5.0)
                 if actor == REDUCER:
                     self._tell_machines_the_reducer(peer.reached)
         except SearchlightError as error:
@@ -256,9 +265,38 @@ class LiveWiring(Wiring):
             for said in self._healths.told(status.stream, status.health):
                 self._note(said)
 
-    def _tell_machines_the_reducer(self, address: tuple[str, int] | None) -> None:
+    def _tell_machines_the_reducer(self, endpoint: Endpoint | None) -> None:
         for machine in self._machines.values():
-            machine.results_to.remote(address)
+            machine.results_to.remote(endpoint)
+
+    def _learn_keys(self) -> None:
+        """Of actors that have just been started; whoever is to hear them is told at once, since they call there."""
+        import ray
+
+        asked = {p.told_key: (actor, p) for actor, p in self._peers.items() if p.told_key is not None}
+        if not asked:
+            return
+        told, _ = ray.wait(list(asked), num_returns=len(asked), timeout=0.0)
+        for ref in told:
+            actor, peer = asked[ref]
+            peer.told_key = None
+            with suppress(SearchlightError):  # it is gone: its report will say so
+                peer.key = get(ref, actor)
+        if told:
+            self._tell_keys()
+
+    def _tell_keys(self) -> None:
+        """Tell everybody whom to hear: machines the sources, the reducer the machines. Whoever was replaced is not
+        among them any more.
+        """
+
+        def of(kind: str) -> dict[bytes, str]:
+            return {p.key: a for a, p in self._peers.items() if a.startswith(kind) and p.key is not None}
+
+        self._reducer.accept_only.remote(of("machine:"))
+        sources = of("source:")
+        for machine in self._machines.values():
+            machine.accept_only.remote(sources)
 
     # --- what the controller wants
 
@@ -281,8 +319,8 @@ class LiveWiring(Wiring):
                 self._machines[order.machine].run.remote(order)
             case Send():
                 machines = {o.machine for o in order.epoch.substreams}
-                addresses = {m: self._peers[machine_actor(m)].reached for m in machines}
-                self._sources[order.epoch.stream].follow.remote(order, addresses)
+                endpoints = {m: self._peers[machine_actor(m)].reached for m in machines}
+                self._sources[order.epoch.stream].follow.remote(order, endpoints)
             case Expect():
                 self._reducer.expect.remote(order)
             case Restart():

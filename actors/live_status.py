@@ -72,7 +72,7 @@ def _said(snapshot: Snapshot) -> dict[str, Any]:
                 | {"down": dict(link.down), "full": link.full, "sent_bytes": sent}
             )
     machines = {
-        name: {"waiting": sum(machine.waiting.values()), "rejected": machine.rejected}
+        name: {"waiting": sum(machine.waiting.values()), "rejected": sum(machine.rejected.values())}
         for name, machine in snapshot.machines.items()
     }
     return {"streams": streams, "links": links, "machines": machines}

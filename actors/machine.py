@@ -15,10 +15,11 @@ from pipeline.config.pool import PoolDetector
 from pipeline.detection import PERSONS, Detector, open_pool_detector
 from pipeline.errors import InputError, ProtocolError, RunFailedError, SearchlightError, failure
 from pipeline.link.codec import Codec
+from pipeline.link.keys import Endpoint, KeyPair
 from pipeline.link.receiver import Receiver
 from pipeline.link.sender import LinkSender, LinkState
 from pipeline.logs import log_of_actor
-from pipeline.messages import Message
+from pipeline.messages import EndOfStream, Message, Packet
 from pipeline.mission.controller.events import MachineReport
 from pipeline.mission.controller.orders import Run
 from pipeline.mission.controller.substreams import Opened
@@ -27,9 +28,9 @@ from pipeline.mission.stages.inbox import InboxParams
 from pipeline.mission.stages.kept_results import KeptResults
 from pipeline.mission.stages.machine import MachineStage
 from pipeline.mission.stages.virtual_link import unlimited
+from pipeline.mission.who_may_say import refused_by_machine
 from pipeline.sensor.substream import as_sent
 
-Address = tuple[str, int]
 _RESULTS = "reducer"
 
 
@@ -51,25 +52,28 @@ class MachineParams:
 
 @dataclass(frozen=True)
 class MachineStatus:
-    """packets waiting per (stream, detector); connections refused; what went wrong, or None; the way to the reducer."""
+    """packets waiting per (stream, detector); connections and messages that were not taken, by reason; what went wrong,
+    or None; the way to the reducer.
+    """
 
     machine: str
     waiting: dict[tuple[str, str], int]
-    rejected: int
+    rejected: dict[str, int]
+    refused: dict[str, int]
     error: SearchlightError | None
     results: LinkState
     pid: int = field(default_factory=os.getpid)
 
 
 class MachineActor:
-    """One machine with its detectors."""
+    """One machine with its detectors. Its key pair is made here, and stays here."""
 
     def __init__(
-        self, machine: str, host: str | None, token: bytes, codec: Codec, params: MachineParams | None = None
+        self, machine: str, host: str | None, codec: Codec, params: MachineParams | None = None
     ) -> None:
         """host: to listen on; None: the node's own."""
         log_of_actor(f"machine-{machine}")
-        self._machine, self._token, self._codec = machine, token, codec
+        self._machine, self._codec, self._keys = machine, codec, KeyPair()
         self._host = host or own_host()
         self._params, self._clock = params or MachineParams(), Clock()
         self._incarnation, self._sending = 0, threading.Lock()
@@ -78,26 +82,39 @@ class MachineActor:
         self._kept: KeptResults | None = None
         self._receiver: Receiver | None = None
         self._results = LinkSender(
-            unlimited(), capacity_bytes=self._params.result_bytes, name=f"machine {machine}"
+            unlimited(),
+            capacity_bytes=self._params.result_bytes,
+            keys=self._keys,
+            name=f"machine {machine}",
         )
+        self._peers: dict[bytes, str] = {}
+
+    def public_key(self) -> bytes:
+        """By which everybody knows it."""
+        return self._keys.public
+
+    def accept_only(self, peers: Mapping[bytes, str]) -> None:
+        """Whom to hear from now on: sources by public key; one that is not among them any more is cut off."""
+        self._peers = dict(peers)
+        if self._receiver is not None:
+            self._receiver.accept_only(self._peers)
 
     def start(
         self,
         assignments: tuple[Assignment, ...],
         detectors: Mapping[str, PoolDetector],
-        reducer: Address,
+        reducer: Endpoint,
         layers: Mapping[str, int] = PERSONS,
-    ) -> Address:
-        """Load the pool's detectors and begin to listen (pace max); the address for the substreams' packets.
+    ) -> Endpoint:
+        """Load the pool's detectors and begin to listen (pace max); the endpoint for the substreams' packets.
 
         layers: ids of the map's layers by name.
         """
-        self._results.connect(_RESULTS, reducer, self._token)
+        self._results.connect(_RESULTS, reducer)
         self._stage = self._new_stage(detectors, layers, self._answer, drops=False)
         self._stage.run(Run(self._machine, tuple(Opened(0, a) for a in assignments)))
         self._stage.wait_ready()
-        self._receiver = Receiver(self._host, self._stage.put, token=self._token)
-        return self._receiver.address
+        return self._listen(self._stage)
 
     def _new_stage(
         self,
@@ -130,20 +147,30 @@ class MachineActor:
     def begin(
         self,
         detectors: Mapping[str, PoolDetector],
-        reducer: Address,
+        reducer: Endpoint,
         layers: Mapping[str, int] = PERSONS,
         incarnation: int = 0,
-    ) -> Address:
-        """Hold nothing yet, and listen (real time); the address for packets. detectors: of the pool, by id.
+    ) -> Endpoint:
+        """Hold nothing yet, and listen (real time); the endpoint for packets. detectors: of the pool, by id.
 
         Results are kept until they are acknowledged: a reducer that is lost is sent them again when it is back.
         """
         self._incarnation = incarnation
         self._kept = KeptResults()
         self._stage = self._new_stage(detectors, layers, self._keep_and_answer, drops=True)
-        self._receiver = Receiver(self._host, self._stage.put, token=self._token)
+        endpoint = self._listen(self._stage)
         self.results_to(reducer)
-        return self._receiver.address
+        return endpoint
+
+    def _listen(self, stage: MachineStage) -> Endpoint:
+        def refuse(peer: str, message: Message) -> str | None:
+            if (reason := refused_by_machine(peer, message)) is not None:
+                return reason
+            assert isinstance(message, Packet | EndOfStream)
+            return None if stage.holds(message) else "unknown_substream"
+
+        self._receiver = Receiver(self._host, stage.put, keys=self._keys, peers=self._peers, refuse=refuse)
+        return self._receiver.endpoint
 
     def run(self, order: Run) -> None:
         """Hold what the order says, and nothing else."""
@@ -152,11 +179,11 @@ class MachineActor:
         for key in self._stage.run(order):
             self._kept.forget(key.stream, key.detector, key.epoch)
 
-    def results_to(self, reducer: Address) -> None:
+    def results_to(self, reducer: Endpoint) -> None:
         """Send results there from now on, those first that are not known to be safe."""
         with self._sending:
-            with contextlib.suppress(OSError, ProtocolError):  # it is gone again: the next address will come
-                self._results.connect(_RESULTS, reducer, self._token)
+            with contextlib.suppress(OSError, ProtocolError):  # it is gone again: the next endpoint will come
+                self._results.connect(_RESULTS, reducer)
             self._send_again()
 
     def report(self, safe: Sequence[Acknowledgement] = ()) -> tuple[MachineReport, MachineStatus]:
@@ -200,8 +227,8 @@ class MachineActor:
         waiting, error = (stage.waiting, stage.error) if stage else ({}, None)
         if receiver is not None and receiver.error is not None and error is None:
             error = failure(receiver.error)
-        rejected = receiver.rejected if receiver else 0
-        return MachineStatus(self._machine, waiting, rejected, error, self._results.state())
+        rejected, refused = (receiver.rejected, receiver.refused) if receiver else ({}, {})
+        return MachineStatus(self._machine, waiting, rejected, refused, error, self._results.state())
 
     def _ask_restart(self, stream: str, detector: str) -> None:
         if self._receiver is not None:

@@ -27,7 +27,9 @@ from actors.steady_counts import SteadyCounts
 from pipeline.allocation.plan import Plan
 from pipeline.errors import InputError
 from pipeline.ingest.finding import Finding
+from pipeline.link.receiver import REJECTED
 from pipeline.mission.stages.reducer import LATENCY_BUCKETS_S
+from pipeline.mission.who_may_say import REFUSED
 from pipeline.outputs.verdict import doubts_of
 
 
@@ -276,17 +278,35 @@ def _measured_links(snapshot: Snapshot, steady: SteadyCounts) -> Iterable[Metric
             lost.add_metric([stream, site], steady.of(("lost", stream, site), link.lost, source.pid))
             down.add_metric([stream, site], len(link.down))
     yield from (rate, backlog, lost, down)
+    yield from _refusals(snapshot, steady)
+
+
+def _refusals(snapshot: Snapshot, steady: SteadyCounts) -> Iterable[Metric]:
+    """What the channels did not take; each reason is one of few words."""
     rejected = CounterMetricFamily(
         "searchlight_connections_rejected",
-        "Connections without the token, of another version, or with bytes that are no message",
-        labels=["actor"],
+        "Connections that were not taken or were ended: of strangers, of another version, or with bytes of nobody",
+        labels=["actor", "reason"],
     )
-    for name, machine in snapshot.machines.items():
-        rejected.add_metric([name], steady.of(("rejected", name), machine.rejected, machine.pid))
+    refused = CounterMetricFamily(
+        "searchlight_messages_refused",
+        "Messages of a known actor that were not taken, such as of a stream that is not its own",
+        labels=["actor", "reason"],
+    )
+    said: dict[str, MachineStatus | ReducerStatus] = dict(snapshot.machines)
     if snapshot.reducer is not None:
-        count = steady.of(("rejected", "reducer"), snapshot.reducer.rejected, snapshot.reducer.pid)
-        rejected.add_metric(["reducer"], count)
-    yield rejected
+        said["reducer"] = snapshot.reducer
+    for name, status in said.items():
+        for family, counts, reasons in (
+            (rejected, status.rejected, REJECTED),
+            (refused, status.refused, REFUSED),
+        ):
+            for (
+                reason
+            ) in reasons:  # also what never happened: a count that appears late cannot be seen to rise
+                count = steady.of((family.name, name, reason), counts.get(reason, 0), status.pid)
+                family.add_metric([name, reason], count)
+    yield from (rejected, refused)
 
 
 def _verdict_metrics(snapshot: Snapshot) -> Iterable[Metric]:

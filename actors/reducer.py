@@ -7,12 +7,14 @@ import os
 import threading
 import time
 from collections import deque
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from actors.site import own_host
-from pipeline.allocation.plan import Plan, assignment_to_json
+from pipeline.allocation.plan import Plan, assignment_from_json, assignment_to_json
 from pipeline.errors import SearchlightError, failure, in_one_line
 from pipeline.ingest.finding import Finding
+from pipeline.link.keys import Endpoint, KeyPair
 from pipeline.link.receiver import Receiver
 from pipeline.logs import Log, log_of_actor
 from pipeline.messages import Message
@@ -26,10 +28,10 @@ from pipeline.mission.prepared import PreparedMission
 from pipeline.mission.run_journal import RunJournal, journal_findings
 from pipeline.mission.stages.reducer import HopHistogram, ReducerStage
 from pipeline.mission.warm_up import warm_up
+from pipeline.mission.who_may_say import refused_by_reducer
 from pipeline.outputs.live_names import LIVE
 
 _LOG = Log("actors")
-Address = tuple[str, int]
 #: how often the live view is looked at, and how long it rests after a fault, seconds
 _LOOK_S, _AFTER_FAULT_S = 0.1, 10.0
 #: an answer waits so long for the map, which may be busy with a slow disk, and is then the last one; for so long
@@ -44,7 +46,8 @@ class ReducerStatus:
 
     results, dropped: per (stream, detector). frames, frames_dropped: per stream, each frame once.
     hops: latencies per (stream, detector) and hop. acknowledged: what is on the disk. trouble: why nothing is written
-    there at present. taken: messages that came, per (stream, detector).
+    there at present. taken: messages that came, per (stream, detector). rejected, refused: connections and
+    messages that were not taken, by reason.
     """
 
     open_substreams: int
@@ -55,7 +58,8 @@ class ReducerStatus:
     frames_dropped: dict[str, dict[str, int]]
     not_taken: dict[str, int]
     hops: dict[tuple[str, str], dict[str, HopHistogram]]
-    rejected: int
+    rejected: dict[str, int]
+    refused: dict[str, int]
     error: SearchlightError | None
     acknowledged: tuple[Acknowledgement, ...] = ()
     trouble: str | None = None
@@ -65,7 +69,7 @@ class ReducerStatus:
 
 class ReducerActor:
     """Takes results from every machine. A thread of its own commits what was taken, and writes checkpoints; another one
-    shows the map while it grows, see ``live_files``.
+    shows the map while it grows, see ``live_files``. Its key pair is made here, and stays here.
     """
 
     def __init__(
@@ -73,7 +77,6 @@ class ReducerActor:
         prepared: PreparedMission,
         plan: Plan,
         host: str | None,
-        token: bytes,
         realtime: bool,
         journal: RunJournal,
     ) -> None:
@@ -93,11 +96,17 @@ class ReducerActor:
         self._live = LiveMap(journal.folder.parent / LIVE, prepared)
         threading.Thread(target=self._keep, name="journal", daemon=True).start()
         threading.Thread(target=self._show, name="live", daemon=True).start()
-        self._receiver = Receiver(host or own_host(), self._receive, token=token)
+        opened = map(assignment_from_json, self._stage.opened.values())
+        self._machine_of = {a.detector: a.machine for a in (*plan.assignments, *opened)}
+        self._receiver = Receiver(host or own_host(), self._receive, keys=KeyPair(), refuse=self._refuse)
 
-    def address(self) -> Address:
+    def endpoint(self) -> Endpoint:
         """Where the machines send their results."""
-        return self._receiver.address
+        return self._receiver.endpoint
+
+    def accept_only(self, peers: Mapping[bytes, str]) -> None:
+        """Whom to hear from now on: machines by public key; one that is not among them any more is cut off."""
+        self._receiver.accept_only(peers)
 
     def acknowledged(self) -> tuple[Acknowledgement, ...]:
         """What is on the disk, and need not be sent."""
@@ -111,6 +120,7 @@ class ReducerActor:
         self._orders.append(order)
 
     def _carry_out(self, order: Expect) -> None:
+        self._machine_of |= {o.key.detector: o.assignment.machine for o in order.open}
         reasons = {close.substream: close.reason for close in order.close}
         for opened in order.open:
             key = opened.key.stream, opened.key.detector, opened.key.epoch
@@ -152,6 +162,7 @@ class ReducerActor:
                 not_taken=stage.not_taken,
                 hops={key: dict(hops) for key, hops in stage.hops.items()},
                 rejected=self._receiver.rejected,
+                refused=self._receiver.refused,
                 error=self._error,
                 acknowledged=self._durable.acknowledged,
                 trouble=self._durable.trouble,
@@ -166,6 +177,11 @@ class ReducerActor:
             self._changed.notify_all()
             self._durable.finish()
             return self._stage, journal_findings(self._durable)
+
+    def _refuse(self, peer: str, message: Message) -> str | None:
+        if (message.stream, message.detector) not in self._stage.received:
+            return "unknown_substream"
+        return refused_by_reducer(peer, message, self._machine_of)
 
     def _receive(self, message: Message) -> None:
         try:

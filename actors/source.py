@@ -15,6 +15,7 @@ from pipeline.errors import RunFailedError, SearchlightError, failure
 from pipeline.ingest.live.health import Health
 from pipeline.ingest.live.live_trajectory import LiveTrajectory
 from pipeline.ingest.live.source import LiveSource
+from pipeline.link.keys import Endpoint, KeyPair
 from pipeline.link.sender import LinkSender, LinkState
 from pipeline.logs import Log, log_of_actor
 from pipeline.messages import FloatArray, Message
@@ -28,7 +29,6 @@ from pipeline.mission.stages.virtual_link import VirtualLink, unlimited
 
 _LOG = Log("actors")
 Pace = Literal["realtime", "max"]
-Address = tuple[str, int]
 
 
 @dataclass(frozen=True)
@@ -71,14 +71,15 @@ class _OverError(Exception):
 
 
 class SourceActor:
-    """One stream. bandwidth_bps: of its link to every site that it sends to."""
+    """One stream. bandwidth_bps: of its link to every site that it sends to. Its key pair is made here, and stays
+    here.
+    """
 
     def __init__(
         self,
         stream: StreamInput,
         assignments: tuple[Assignment, ...],
         bandwidth_bps: Mapping[str, float],
-        token: bytes,
         params: SourceParams,
         radio: RadioParams | None = None,
         clock: Clock | None = None,
@@ -87,7 +88,7 @@ class SourceActor:
         self._clock = clock or Clock()
         self._assignments = tuple(a for a in assignments if a.stream == stream.stream)
         self._bandwidth = bandwidth_bps
-        self._token = token
+        self._keys = KeyPair()
         log_of_actor(f"source-{stream.stream}")
         self._finished = False
         self._error: SearchlightError | None = None
@@ -97,15 +98,19 @@ class SourceActor:
         self._reached_s, self._flush_s = 0.0, math.inf
         self._stopped, self._cut_off = threading.Event(), False
         self._ordered, self._followed = threading.Lock(), -1
-        self._order: tuple[Send, dict[str, Address]] | None = None
+        self._order: tuple[Send, dict[str, Endpoint | None]] | None = None
         self._known: dict[tuple[str, int], Acknowledgement] = {}
 
-    def start(self, addresses: Mapping[str, Address], known: Sequence[Acknowledgement] = ()) -> None:
-        """Send all as fast as it is taken (pace max). addresses: by detector. known: what the reducer holds already,
+    def public_key(self) -> bytes:
+        """By which everybody knows it."""
+        return self._keys.public
+
+    def start(self, endpoints: Mapping[str, Endpoint], known: Sequence[Acknowledgement] = ()) -> None:
+        """Send all as fast as it is taken (pace max). endpoints: by detector. known: what the reducer holds already,
         which is encoded again but not sent.
         """
         self._known = {(a.detector, a.epoch): a for a in known if a.stream == self._stream.stream}
-        self._begin(lambda: self._run_max(addresses))
+        self._begin(lambda: self._run_max(endpoints))
 
     def film(self, start_time_s: float) -> None:
         """Send each frame when it is due (real time), to whom ``follow`` says. start_time_s: UTC, of time 0.
@@ -160,14 +165,14 @@ class SourceActor:
             self._error = failure(error)
             _LOG.warning("source failed", stream=self._stream.stream, error=str(self._error))
 
-    def follow(self, order: Send, addresses: Mapping[str, Address]) -> None:
-        """Go over to an epoch at the next frame; before the first one it is waited for. addresses: by machine.
+    def follow(self, order: Send, endpoints: Mapping[str, Endpoint | None]) -> None:
+        """Go over to an epoch at the next frame; before the first one it is waited for. endpoints: by machine.
 
         An epoch that comes after one with a higher number changes nothing.
         """
         with self._ordered:
             if self._order is None or order.epoch.number >= self._order[0].epoch.number:
-                self._order = order, dict(addresses)
+                self._order = order, dict(endpoints)
 
     def report(self, incarnation: int = 0) -> tuple[SourceReport, SourceStatus]:
         """Which epoch it follows and what its links let through, and a snapshot."""
@@ -184,7 +189,7 @@ class SourceActor:
         return SourceReport(self._stream.stream, incarnation, self._followed, tick, ended, measures), status
 
     def _run_realtime(self, start_time_s: float) -> None:
-        link = RadioLink(self._stream.stream, self._bandwidth, self._token, self._radio, self._clock)
+        link = RadioLink(self._stream.stream, self._bandwidth, self._keys, self._radio, self._clock)
         self._link = link
         start_s = self._clock.monotonic_of(start_time_s)
         stage = self._stage = SourceStage(self._stream, (), link, self._params)
@@ -216,11 +221,11 @@ class SourceActor:
             order, self._order = self._order, None
         if order is None:
             return
-        send, addresses = order
+        send, endpoints = order
         if send.epoch.number > self._followed:
             for opened in send.epoch.substreams:
                 a = opened.assignment
-                link.expect(a.site, a.detector, addresses.get(a.machine))
+                link.expect(a.site, a.detector, endpoints.get(a.machine))
             self._telling(lambda: stage.follow(send.epoch, now_s))
             self._followed = send.epoch.number
         if send.over:
@@ -234,11 +239,11 @@ class SourceActor:
         except RunFailedError as error:
             _LOG.warning("end not told", stream=self._stream.stream, error=str(error))
 
-    def _run_max(self, addresses: Mapping[str, Address]) -> None:
+    def _run_max(self, endpoints: Mapping[str, Endpoint]) -> None:
         name = f"stream {self._stream.stream}"
-        sender = LinkSender(unlimited(), capacity_bytes=self._radio.queue_bytes, name=name)
+        sender = LinkSender(unlimited(), capacity_bytes=self._radio.queue_bytes, keys=self._keys, name=name)
         for a in self._assignments:
-            sender.connect(a.detector, addresses[a.detector], self._token)
+            sender.connect(a.detector, endpoints[a.detector])
 
         def deliver(detector: str, message: Message) -> None:
             try:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-import secrets
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
@@ -20,8 +19,10 @@ from actors.source import Pace, SourceActor
 from pipeline.allocation.plan import Plan
 from pipeline.errors import InputError, SearchlightError, in_one_line
 from pipeline.ingest.finding import Finding
+from pipeline.link.keys import Endpoint
 from pipeline.link.sender import LinkState
 from pipeline.logs import Log
+from pipeline.mission.controller.state import machine_actor, source_actor
 from pipeline.mission.ledger import count_known_to
 from pipeline.mission.local import FinishedRun, bandwidth, cut_off_at, make_reducer, source_params
 from pipeline.mission.prepared import PreparedMission
@@ -54,7 +55,6 @@ class Wiring:
 
     def __init__(self, prepared: PreparedMission, options: RunOptions, stop: Stop) -> None:
         self._prepared, self._options, self._stop = prepared, options, stop
-        self._token = secrets.token_bytes(32)
         self._sources: dict[str, Any] = {}
         self._machines: dict[str, Any] = {}
         self._reducer: Any = None
@@ -105,13 +105,11 @@ class Wiring:
         return self._result(plan)
 
     def _start(self, plan: Plan, journal: RunJournal) -> None:
-        self._reducer = remote_here(ReducerActor).remote(
-            self._prepared, plan, None, self._token, False, journal
-        )
+        self._reducer = remote_here(ReducerActor).remote(self._prepared, plan, None, False, journal)
         codec = self._prepared.mission.processing.codec
         sites = {a.machine: a.site for a in plan.assignments}
         self._machines = {
-            machine: remote(MachineActor, site).remote(machine, None, self._token, codec)
+            machine: remote(MachineActor, site).remote(machine, None, codec)
             for machine, site in sites.items()
         }
         self._sources = {
@@ -119,16 +117,15 @@ class Wiring:
                 s,
                 plan.assignments,
                 bandwidth(self._prepared, plan, s.stream),
-                self._token,
                 source_params(self._prepared),
             )
             for s in self._prepared.streams
         }
-        addresses = self._start_machines(plan)
+        endpoints = self._start_machines(plan)
         known = get(self._reducer.acknowledged.remote(), "the reducer")
         self._started = time.monotonic()
         for stream, source in self._sources.items():
-            get(source.start.remote(addresses, known), f"the source of {stream}")
+            get(source.start.remote(endpoints, known), f"the source of {stream}")
 
     def _supervise(self, progress: Callable[[str, int, int], None], collector: RunCollector) -> None:
         """Until the streams have ended, or somebody asks to stop."""
@@ -147,12 +144,18 @@ class Wiring:
         if self._live is not None:
             self._live.write_if_due(self._snapshot, time.monotonic())
 
-    def _start_machines(self, plan: Plan) -> dict[str, tuple[str, int]]:
-        reducer_address = get(self._reducer.address.remote(), "the reducer")
+    def _start_machines(self, plan: Plan) -> dict[str, Endpoint]:
+        """Each by detector. Everybody is told first whose keys to accept."""
+        reducer = get(self._reducer.endpoint.remote(), "the reducer")
+        machines = {machine_actor(name): handle for name, handle in self._machines.items()}
+        get(self._reducer.accept_only.remote(_public_keys(machines)), "the reducer")
+        sources = _public_keys({source_actor(name): handle for name, handle in self._sources.items()})
+        for actor in self._machines.values():
+            actor.accept_only.remote(sources)
         given = {m: tuple(a for a in plan.assignments if a.machine == m) for m in self._machines}
         used = {a.pool_detector: self._prepared.runnable(a.pool_detector) for a in plan.assignments}
         started = {
-            m: actor.start.remote(given[m], used, reducer_address, self._prepared.layers)
+            m: actor.start.remote(given[m], used, reducer, self._prepared.layers)
             for m, actor in self._machines.items()
         }
         return {a.detector: get(started[a.machine], f"machine {a.machine}") for a in plan.assignments}
@@ -302,3 +305,9 @@ class Wiring:
     def _used_links(self, plan: Plan) -> dict[tuple[str, str], float]:
         used = {(a.stream, a.site) for a in plan.assignments}
         return {link: self._prepared.problem.link_bps.get(link, 0.0) for link in sorted(used)}
+
+
+def _public_keys(actors: Mapping[str, Any]) -> dict[bytes, str]:
+    """The names of actors by the public keys that they have made."""
+    asked = {name: handle.public_key.remote() for name, handle in actors.items()}
+    return {get(key, name): name for name, key in asked.items()}

@@ -54,7 +54,17 @@ class NoPlanInTimeError(SearchlightError):
 
 
 class ProtocolError(SearchlightError):
-    """Bytes from the wire that are not a message of ours; the connection is closed."""
+    """Bytes from the wire that are not a message of ours; the connection is closed.
+
+    reason: one of few words, to count by.
+    """
+
+    def __init__(self, message: str, reason: str = "not_a_message") -> None:
+        self.reason = reason
+        super().__init__(message)
+
+    def __reduce__(self) -> tuple[type[ProtocolError], tuple[str, str]]:
+        return type(self), (str(self), self.reason)
 
 
 class StoppedError(SearchlightError):

@@ -10,7 +10,10 @@ Pixels: x right, y down, (0, 0) is the *corner* of the first pixel; its centre i
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import Field, dataclass, fields
+from functools import partial
+from operator import attrgetter
 from typing import Any
 
 import msgpack
@@ -148,8 +151,9 @@ class EndOfStream:
 
 
 Message = Packet | Detections | Dropped | EndOfStream
-#: of the wire form; both ends of a connection must speak the same. Raised when a field comes, goes or moves
-WIRE_VERSION = 2
+#: of the wire form; both ends of a connection must speak the same. Raised when a field comes, goes or moves, and
+#: when the way to seal it changes
+WIRE_VERSION = 3
 #: the number of a message on the wire is its place here
 _MESSAGES: tuple[type[Message], ...] = (Packet, Detections, Dropped, EndOfStream)
 _NUMBERS = {cls: number for number, cls in enumerate(_MESSAGES)}
@@ -165,6 +169,33 @@ _TYPES: dict[str, tuple[type, ...]] = {
     "bool": (bool,),
     "bytes": (bytes,),
 }
+#: names and reasons are no longer than so many characters
+_LONGEST_TEXT = 255
+_INT64 = 2**63 - 1
+#: the least and the most of a number in a field of this name; what is beyond would break what stores or counts it
+_RANGES: dict[str, tuple[float, float]] = {
+    "index": (0, 2**48),
+    "sequence": (0, 2**48),
+    "epoch": (0, 2**31),
+    "time_ns": (0, _INT64),
+    "sent_ns": (0, _INT64),
+    "pts": (-_INT64, _INT64),
+    "time_base_num": (1, 2**31),
+    "time_base_den": (1, 2**31),
+    "width": (0, 2**16),
+    "height": (0, 2**16),
+    "encode_s": (0.0, 1e9),
+    "link_s": (0.0, 1e9),
+    "transfer_s": (0.0, 1e9),
+    "decode_s": (0.0, 1e9),
+    "detect_s": (0.0, 1e9),
+    "horizontal_sd_m": (0.0, math.inf),
+    "height_sd_m": (0.0, math.inf),
+    "attitude_sd_rad": (0.0, math.inf),
+    "focal_scale": (1e-9, 1e9),
+}
+#: of these NaN says that there is none
+_MAY_BE_NAN = frozenset({"horizontal_sd_m", "height_sd_m", "attitude_sd_rad"})
 #: dtype and shape of the array fields; -1 is the number of detections, the same in all of them
 _ARRAYS: dict[str, tuple[type, tuple[int, ...]]] = {
     "position_enu": (np.float64, (3,)),
@@ -181,9 +212,14 @@ def pack(message: Message) -> bytes:
     A record in a field is an array of its fields; an array is its bytes, little-endian, whose dtype and shape
     the field decides. Raises TypeError for what does not travel.
     """
-    if type(message) not in _NUMBERS:
+    number = _NUMBERS.get(type(message))
+    if number is None:
         raise TypeError(f"{type(message).__name__} does not travel")
-    return bytes(msgpack.packb([_NUMBERS[type(message)], *_values(message)], use_bin_type=True))
+    if type(message) is Detections and not (
+        len(message.boxes_px) == len(message.scores) == len(message.class_ids)
+    ):
+        raise TypeError("an array that does not travel as boxes, scores and classes are of different number")
+    return bytes(msgpack.packb([number, *_values(message)], use_bin_type=True))
 
 
 def unpack(data: bytes | bytearray | memoryview) -> Message:
@@ -229,52 +265,94 @@ class _Containers:
 
 
 def _values(record: Any) -> list[Any]:
-    count = len(record.scores) if type(record) is Detections else 0
-    return [_plain(field.name, getattr(record, field.name), count) for field in fields(record)]
+    """A record's fields as msgpack has them. What is no record is passed on as it is: the far end refuses it."""
+    if type(record) not in _PLAIN:
+        return record  # type: ignore[no-any-return]
+    fields_of, special = _PLAIN[type(record)]
+    values = list(fields_of(record))
+    for place, plain in special:
+        values[place] = plain(values[place])
+    return values
 
 
-def _plain(name: str, value: Any, count: int) -> Any:
-    """A field's value as msgpack has it; count: of the detections."""
-    if isinstance(value, CameraPose | Hops):
-        return _values(value)
-    if isinstance(value, np.ndarray):
-        dtype, shape = _ARRAYS[name]
-        if value.dtype != dtype or value.shape != _counted(shape, count):
-            found = f"{value.dtype.name} {value.shape}"
-            raise TypeError(f"an array of {found} does not travel as {name}: {dtype.__name__} {shape}")
-        return value.tobytes()
-    return value
+def _plain_of(cls: type) -> tuple[Callable[[Any], Any], tuple[tuple[int, Callable[[Any], Any]], ...]]:
+    """What gives all fields of a record, and the places of those that are not plain yet, with what makes them so."""
+    special: list[tuple[int, Callable[[Any], Any]]] = []
+    for place, field in enumerate(fields(cls)):
+        if str(field.type) in _RECORDS:
+            special.append((place, _values))
+        elif field.name in _ARRAYS:
+            special.append((place, partial(_array_bytes, field.name, *_ARRAYS[field.name])))
+    return attrgetter(*(field.name for field in fields(cls))), tuple(special)
+
+
+def _array_bytes(name: str, dtype: type, shape: tuple[int, ...], value: NDArray[Any]) -> bytes:
+    right = value.ndim == len(shape) and value.shape[1:] == shape[1:] and shape[0] in (-1, value.shape[0])
+    if value.dtype != dtype or not right:
+        found = f"{value.dtype.name} {value.shape}"
+        raise TypeError(f"an array of {found} does not travel as {name}: {dtype.__name__} {shape}")
+    return value.tobytes()
 
 
 def _record(cls: type, values: Any) -> Any:
     """The record, if every field is what its annotation says: what comes from a wire is not believed."""
-    if type(values) is not list or len(values) != len(fields(cls)):
+    checks = _CHECKS[cls]
+    if type(values) is not list or len(values) != len(checks):
         found = f"{len(values)} fields" if type(values) is list else type(values).__name__
-        raise ProtocolError(f"{cls.__name__} is {found}, not {len(fields(cls))} fields")
-    named = {field.name: value for field, value in zip(fields(cls), values, strict=True)}
-    count = len(named["scores"]) // 8 if cls is Detections else 0
-    return cls(*(_field(cls, field, named[field.name], count) for field in fields(cls)))
+        raise ProtocolError(f"{cls.__name__} is {found}, not {len(checks)} fields")
+    record = cls(*[check(value) for check, value in zip(checks, values, strict=True)])
+    if cls is Detections and not len(record.boxes_px) == len(record.scores) == len(record.class_ids):
+        raise ProtocolError("Detections with boxes, scores and classes of different number")
+    return record
 
 
-def _field(cls: type, field: Field[Any], value: Any, count: int) -> Any:
-    where = f"{cls.__name__}.{field.name}"
-    annotation = str(field.type)
+def _check_of(cls: type, field: Field[Any]) -> Callable[[Any], Any]:
+    """What makes of a value on the wire that of a field, or raises ProtocolError."""
+    where, annotation = f"{cls.__name__}.{field.name}", str(field.type)
     if annotation in _RECORDS:
-        return _record(_RECORDS[annotation], value)
+        return partial(_record, _RECORDS[annotation])
     if field.name in _ARRAYS:
-        dtype, shape = _ARRAYS[field.name]
-        return _array(where, value, dtype, _counted(shape, count))
-    if type(value) not in _TYPES[annotation]:
+        return partial(_array, where, *_ARRAYS[field.name])
+    types = _TYPES[annotation]
+    if annotation == "str":
+        return partial(_text, where)
+    if field.name in _RANGES:
+        return partial(_number, where, types, *_RANGES[field.name], field.name in _MAY_BE_NAN)
+
+    def of_type(value: Any) -> Any:
+        if type(value) not in types:
+            raise ProtocolError(f"{where} is of type {type(value).__name__}")
+        return value
+
+    return of_type
+
+
+def _number(where: str, types: tuple[type, ...], least: float, most: float, nan: bool, value: Any) -> Any:
+    if type(value) not in types:
         raise ProtocolError(f"{where} is of type {type(value).__name__}")
+    if least <= value <= most or (nan and math.isnan(value)):
+        return value
+    raise ProtocolError(f"{where} is {value}; expected {least:g}..{most:g}", "out_of_range")
+
+
+def _text(where: str, value: Any) -> str:
+    if type(value) is not str:
+        raise ProtocolError(f"{where} is of type {type(value).__name__}")
+    if len(value) > _LONGEST_TEXT:
+        raise ProtocolError(f"{where} has {len(value)} characters; at most {_LONGEST_TEXT}", "out_of_range")
     return value
 
 
-def _array(where: str, value: Any, dtype: type, shape: tuple[int, ...]) -> NDArray[Any]:
-    if type(value) is not bytes or len(value) != 8 * math.prod(shape):
+def _array(where: str, dtype: type, shape: tuple[int, ...], value: Any) -> NDArray[Any]:
+    if type(value) is not bytes or len(value) % (8 * abs(math.prod(shape))):
         found = f"{len(value)} bytes" if type(value) is bytes else type(value).__name__
         raise ProtocolError(f"{where} is {found}, not {dtype.__name__} {shape}")
+    if shape[0] != -1 and len(value) != 8 * math.prod(shape):
+        raise ProtocolError(f"{where} is {len(value)} bytes, not {dtype.__name__} {shape}")
     return np.frombuffer(value, dtype=dtype).reshape(shape)
 
 
-def _counted(shape: tuple[int, ...], count: int) -> tuple[int, ...]:
-    return tuple(count if size == -1 else size for size in shape)
+_PLAIN = {cls: _plain_of(cls) for cls in (*_MESSAGES, *_RECORDS.values())}
+_CHECKS: dict[type, tuple[Callable[[Any], Any], ...]] = {
+    cls: tuple(_check_of(cls, field) for field in fields(cls)) for cls in (*_MESSAGES, *_RECORDS.values())
+}

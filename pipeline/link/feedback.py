@@ -1,4 +1,4 @@
-"""What the far end of a connection says back, on the same connection: small binary records.
+"""What the far end of a connection says back, on the same connection and sealed as well: small binary records.
 
 Read: kind 1, how many bytes it has read (8 bytes) and when (8 bytes, ns of its own monotonic clock). It comes at least
 at every heartbeat, so it is the sign of life too.

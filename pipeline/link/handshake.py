@@ -1,75 +1,129 @@
-"""Both ends of a connection prove that they speak the same wire form and hold the same token, without showing it.
+"""How a connection begins: both ends show the version of their wire form and prove that they hold their keys.
 
-Each end first says ``SLNK`` and the version of its wire form. Server: 32 random bytes. Client: 32 random bytes, the
-length of its name (1 byte), its name, and HMAC-SHA256(token, "client" + all said so far). Server: the same of "server".
+Server: ``SLNK`` and the version (5 bytes), at once. Client: the same, and the first message of the key agreement
+(``pipeline.link.noise``, 96 bytes). Server, if it knows the client's key: the second message (48 bytes). Client: an
+empty record, without which a first message that somebody has recorded and sends again would open a connection. The two
+hellos are the prologue of the agreement: who changes one of them ends it. To a stranger a server says its version, and
+no more.
 """
 
 from __future__ import annotations
 
-import hmac
-import secrets
 import socket
 import time
+from collections.abc import Callable
+from dataclasses import dataclass
 
 from pipeline.errors import ProtocolError
+from pipeline.link.keys import KeyPair
+from pipeline.link.noise import FIRST_BYTES, SECOND_BYTES, Initiator, Responder
+from pipeline.link.records import HEARTBEAT, OVERHEAD_BYTES, RecordReader, RecordWriter
 from pipeline.messages import WIRE_VERSION
 
 _MAGIC = b"SLNK"
-_HELLO = _MAGIC + bytes([WIRE_VERSION])
-_NONCE_BYTES = 32
-_PROOF_BYTES = 32
-_MOST_NAME_BYTES = 255
+HELLO = _MAGIC + bytes([WIRE_VERSION])
+_PROLOGUE = HELLO + HELLO
 
 
-def accept(connection: socket.socket, token: bytes, timeout_s: float = 5.0) -> str:
-    """The server's side; the client's name.
+@dataclass(frozen=True, slots=True)
+class Session:
+    """The two directions of a connection whose ends have proven who they are."""
 
-    Raises ProtocolError for a peer without the token or of another version, OSError if it goes away or takes longer.
+    writer: RecordWriter
+    reader: RecordReader
+
+
+def connect(connection: socket.socket, keys: KeyPair, server: bytes, timeout_s: float = 5.0) -> Session:
+    """The client's side. server: the public key that the other end has to hold.
+
+    Raises ProtocolError if it does not, does not know ours, or is of another version; OSError if it goes away or takes
+    longer.
     """
     until_s = time.monotonic() + timeout_s
-    challenge = secrets.token_bytes(_NONCE_BYTES)
-    _send(connection, _HELLO + challenge, until_s)
-    _require_version(_receive(connection, len(_HELLO), until_s))
-    head = _receive(connection, _NONCE_BYTES + 1, until_s)
-    name = _receive(connection, head[-1], until_s)
-    said = _HELLO + challenge + head + name
-    _require(token, b"client", said, _receive(connection, _PROOF_BYTES, until_s))
-    _send(connection, _proof(token, b"server", said), until_s)
+    agreement = Initiator(_PROLOGUE, keys.private, server)
+    _send(connection, HELLO + agreement.first(), until_s)
+    require_version(_receive(connection, len(HELLO), until_s))
+    _, sending, receiving = agreement.second(_receive(connection, SECOND_BYTES, until_s))
+    session = Session(RecordWriter(sending), RecordReader(receiving))
+    _send(connection, session.writer.seal(HEARTBEAT), until_s)
     connection.settimeout(None)
-    return name.decode(errors="replace")
+    return session
 
 
-def connect(connection: socket.socket, token: bytes, name: str = "", timeout_s: float = 5.0) -> None:
-    """The client's side; name: of who it is, for the server's log. Raises as accept does."""
-    until_s = time.monotonic() + timeout_s
-    own_name = name.encode()[:_MOST_NAME_BYTES]
-    own = secrets.token_bytes(_NONCE_BYTES) + bytes([len(own_name)]) + own_name
-    _require_version(_receive(connection, len(_HELLO), until_s))
-    said = _HELLO + _receive(connection, _NONCE_BYTES, until_s) + own
-    _send(connection, _HELLO + own + _proof(token, b"client", said), until_s)
-    _require(token, b"server", said, _receive(connection, _PROOF_BYTES, until_s))
-    connection.settimeout(None)
+class Greeting:
+    """The server's side, without a socket: ``take`` what came, send what it says; ``session`` once it is done.
+
+    name_of(key): of a client whose key is to be accepted; None for a stranger, who may become known, see
+    ``look_again``; it raises ProtocolError for one who will not.
+    """
+
+    def __init__(self, keys: KeyPair, name_of: Callable[[bytes], str | None]) -> None:
+        self._name_of = name_of
+        self._agreement = Responder(_PROLOGUE, keys.private)
+        self._came = b""
+        self._opened: Session | None = None
+        self.name: str | None = None
+        self.session: Session | None = None
+
+    @property
+    def key(self) -> bytes:
+        """The client's, once it has shown it; empty before."""
+        return self._agreement.remote
+
+    @property
+    def wanted_bytes(self) -> int:
+        """How many bytes it can take now: none that belong to what comes after it."""
+        if self._opened is not None:
+            return OVERHEAD_BYTES - len(self._came)
+        if self.key:  # of a stranger nothing more is read
+            return 0
+        return (len(HELLO) if len(self._came) < len(HELLO) else len(HELLO) + FIRST_BYTES) - len(self._came)
+
+    def take(self, data: bytes) -> bytes:
+        """At most ``wanted_bytes``; what is to be said. Raises ProtocolError for a client that is none of ours."""
+        self._came += data
+        if self._opened is not None:
+            return self._confirmed(self._opened)
+        if len(self._came) == len(HELLO):
+            require_version(self._came)
+        if len(self._came) < len(HELLO) + FIRST_BYTES:
+            return b""
+        self._agreement.first(self._came[len(HELLO) :])
+        return self.look_again()
+
+    def look_again(self) -> bytes:
+        """What is to be said now to one who was a stranger when it came, and may be known by now."""
+        if not self.key or self._opened is not None:
+            return b""
+        self.name = self._name_of(self.key)
+        if self.name is None:
+            return b""
+        answer, sending, receiving = self._agreement.second()
+        self._opened = Session(RecordWriter(sending), RecordReader(receiving))
+        self._came = b""
+        return answer
+
+    def _confirmed(self, session: Session) -> bytes:
+        if len(self._came) == OVERHEAD_BYTES:
+            session.reader.feed(self._came)
+            if not session.reader.heard:
+                raise ProtocolError("a connection that does not begin with an empty record", "not_authentic")
+            self.session = session
+        return b""
 
 
-def _require_version(hello: bytes) -> None:
-    if hello == _HELLO:
+def require_version(hello: bytes) -> None:
+    """Raises ProtocolError if the other end is of another version, or no Searchlight."""
+    if hello == HELLO:
         return
     if hello[: len(_MAGIC)] == _MAGIC:
         found = f"speaks version {hello[-1]} of the wire form"
     else:
         found = f"is no Searchlight of this release (it began with {hello!r})"
     raise ProtocolError(
-        f"the other end of a link {found}; expected version {WIRE_VERSION}: the same release at both ends"
+        f"the other end of a link {found}; expected version {WIRE_VERSION}: the same release at both ends",
+        "version",
     )
-
-
-def _proof(token: bytes, role: bytes, said: bytes) -> bytes:
-    return hmac.digest(token, role + said, "sha256")
-
-
-def _require(token: bytes, role: bytes, said: bytes, proof: bytes) -> None:
-    if not hmac.compare_digest(proof, _proof(token, role, said)):
-        raise ProtocolError(f"the {role.decode()} of a link does not hold the token")
 
 
 def _send(connection: socket.socket, data: bytes, until_s: float) -> None:
@@ -83,7 +137,7 @@ def _receive(connection: socket.socket, nbytes: int, until_s: float) -> bytes:
         _limit(connection, until_s)
         piece = connection.recv(nbytes - len(data))
         if not piece:
-            raise ProtocolError("the other end of a link does not hold the token: it closed the connection")
+            raise ProtocolError("the other end of a link does not accept our key: it closed the connection")
         data += piece
     return data
 
@@ -92,5 +146,5 @@ def _limit(connection: socket.socket, until_s: float) -> None:
     """Of the whole exchange: a peer that sends a byte now and then must not hold it open."""
     left_s = until_s - time.monotonic()
     if left_s <= 0.0:
-        raise TimeoutError("the other end of a link did not prove its token in time")
+        raise TimeoutError("the other end of a link did not prove its key in time")
     connection.settimeout(left_s)

@@ -49,7 +49,7 @@ class Listener:
             data = connection.socket.recv(_READ_BYTES, socket.MSG_DONTWAIT)
             if not data:
                 raise ConnectionResetError("closed by the receiver")
-            for record in connection.feedback.feed(data):
+            for record in connection.feedback(data):
                 if isinstance(record, Read):
                     self._acknowledge(connection, record)
                 else:

@@ -9,8 +9,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from pipeline.errors import ProtocolError
-from pipeline.link.feedback import FeedbackReader, Read
-from pipeline.link.framing import HEARTBEAT
+from pipeline.link.feedback import Feedback, FeedbackReader, Read
+from pipeline.link.handshake import Session
+from pipeline.link.records import HEARTBEAT, record_bytes
 from pipeline.messages import Message
 
 #: clocks run apart, by 10 ms in so many seconds at the worst: their difference is found anew, seconds
@@ -27,10 +28,13 @@ class Passed:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Queued:
-    """turn: of the link, counted up. message: None for a heartbeat."""
+    """turn: of the link, counted up. plain: sealed when its turn comes. nbytes: of the record. message: None for a
+    heartbeat.
+    """
 
     turn: int
-    data: bytes
+    plain: bytes
+    nbytes: int
     message: Message | None
 
 
@@ -40,14 +44,15 @@ class Outgoing:
     paid_bytes: of the link's bucket, taken and not yet written. held_bytes: what the kernel may hold, 0: no limit.
     """
 
-    def __init__(self, name: str, connection: socket.socket, now_s: float) -> None:
-        self.name, self.socket = name, connection
+    def __init__(self, name: str, connection: socket.socket, session: Session, now_s: float) -> None:
+        self.name, self.socket, self._session = name, connection, session
         self.blocked, self.silent = False, False
         self.paid_bytes, self.held_bytes = 0, 0
         self.heard_s = self.wrote_s = now_s
-        self.feedback = FeedbackReader()
+        self._feedback = FeedbackReader()
         self._queue: deque[_Queued] = deque()
-        self._offset = 0  # written of the head of the queue
+        self._record = b""  # of the head of the queue, once it is being written
+        self._offset = 0  # written of it
         self._unread: deque[tuple[int, Message]] = deque()
         self._offered_bytes = self._written_bytes = self._read_bytes = 0
         self._begun: deque[tuple[int, int, float]] = deque()  # end, bytes and beginning of what is being read
@@ -70,35 +75,43 @@ class Outgoing:
         """Of the next message to be written, if there is one."""
         return self._queue[0].turn if self._queue else None
 
-    def offer(self, turn: int, data: bytes, message: Message) -> None:
-        """Queue a framed message."""
-        self._queue.append(_Queued(turn, data, message))
-        self._offered_bytes += len(data)
+    def offer(self, turn: int, plain: bytes, message: Message) -> None:
+        """Queue a message. plain: its wire form."""
+        self._offer(_Queued(turn, plain, record_bytes(plain), message))
         self._unread.append((self._offered_bytes, message))
 
     def offer_heartbeat(self, turn: int) -> None:
         """Queue a sign of life."""
-        self._queue.append(_Queued(turn, HEARTBEAT, None))
-        self._offered_bytes += len(HEARTBEAT)
+        self._offer(_Queued(turn, HEARTBEAT, record_bytes(HEARTBEAT), None))
+
+    def _offer(self, queued: _Queued) -> None:
+        self._queue.append(queued)
+        self._offered_bytes += queued.nbytes
 
     def chunk(self, most_bytes: int) -> memoryview:
-        """What to write next, of one message."""
-        return memoryview(self._queue[0].data)[self._offset : self._offset + most_bytes]
+        """What to write next, of one record. Called by the thread that writes, and by no other."""
+        if not self._record:
+            self._record = self._session.writer.seal(self._queue[0].plain)
+        return memoryview(self._record)[self._offset : self._offset + most_bytes]
 
     def wrote(self, nbytes: int, now_s: float) -> int:
         """The kernel took so much of the chunk; how much of it was messages."""
         head = self._queue[0]
         if nbytes and self._offset == 0:
-            self._begun.append((self._written_bytes + len(head.data), len(head.data), now_s))
+            self._begun.append((self._written_bytes + head.nbytes, head.nbytes, now_s))
         self._offset += nbytes
         self._written_bytes += nbytes
         self.paid_bytes -= nbytes
         if nbytes:
             self.wrote_s = now_s
-        if self._offset == len(head.data):
+        if self._offset == head.nbytes:
             self._queue.popleft()
-            self._offset = 0
+            self._record, self._offset = b"", 0
         return 0 if head.message is None else nbytes
+
+    def feedback(self, data: bytes) -> list[Feedback]:
+        """What the far end says with these bytes. Raises ProtocolError if they are not from it, or cannot be."""
+        return [record for said in self._session.reader.feed(data) for record in self._feedback.feed(said)]
 
     def heard(self, read: Read, now_s: float) -> tuple[int, float, list[Passed]]:
         """Bytes read since the last time, when, by our clock, and the messages that they complete.

@@ -14,17 +14,18 @@ from pipeline.errors import ProtocolError
 from pipeline.link import handshake
 from pipeline.link.backoff import wait_s
 from pipeline.link.connections import Connections
-from pipeline.link.framing import frame
+from pipeline.link.handshake import Session
+from pipeline.link.keys import Endpoint, KeyPair
 from pipeline.link.listener import Listener, limit_kernel
 from pipeline.link.outgoing import Outgoing
 from pipeline.link.params import LinkParams
+from pipeline.link.records import record_bytes
 from pipeline.link.sockets import shut_down
 from pipeline.link.token_bucket import TokenBucket
 from pipeline.link.writer import Writer
 from pipeline.logs import Log
 from pipeline.messages import Message, pack
 
-Address = tuple[str, int]
 _LOG = Log("link")
 
 
@@ -48,10 +49,11 @@ class LinkState:
 class LinkSender:
     """One radio link, shared by the connections that run over it: one bucket, one thread that writes, one that listens.
 
-    name: who is speaking, for the logs of the far end. bucket: the link's declared bandwidth; of an infinite rate for
-    no limit. capacity_bytes: how much of one connection may be unread at the far end; a larger message is taken when
-    nothing else is. Messages leave in the order of their sending, whatever their connection, in chunks of about 10 ms;
-    their length prefixes are paid for too. A receiver that does not read stops its own connection and no other.
+    name: of the link, for its logs. keys: who is speaking; its public half must be known at the far ends. bucket: the
+    link's declared bandwidth; of an infinite rate for no limit. capacity_bytes: how much of one connection may be
+    unread at the far end; a larger message is taken when nothing else is. Messages leave in the order of their sending,
+    whatever their connection, in chunks of about 10 ms; what seals them is paid for too. A receiver that does not read
+    stops its own connection and no other.
 
     on_lost(name, reason): a connection is broken, or silent; on_back(name): connected or heard again;
     on_restart(stream, detector): the far end could not take a packet of this substream. All three are called on
@@ -64,6 +66,7 @@ class LinkSender:
         bucket: TokenBucket,
         *,
         capacity_bytes: int,
+        keys: KeyPair,
         name: str = "",
         params: LinkParams | None = None,
         clock: Clock | None = None,
@@ -73,12 +76,12 @@ class LinkSender:
         on_restart: Callable[[str, str], None] = lambda stream, detector: None,
         chance: Callable[[], float] = random.random,
     ) -> None:
-        self._name, self._capacity_bytes = name, capacity_bytes
+        self._keys, self._capacity_bytes = keys, capacity_bytes
         self._params, self._clock = params or LinkParams(), clock or Clock()
         self._reconnect, self._chance = reconnect, chance
         self._on_lost, self._on_back = on_lost, on_back
         self._connections = Connections(bucket.rate_bps, self._params, self._clock, self._broken)
-        self._addresses: dict[str, tuple[Address, bytes]] = {}
+        self._endpoints: dict[str, Endpoint] = {}
         runs = {
             "write": Writer(self._connections, bucket).run,
             "listen": Listener(self._connections, self._silence, on_restart).run,
@@ -92,7 +95,7 @@ class LinkSender:
 
     @property
     def bytes_sent(self) -> int:
-        """Of messages, on the wire. Heartbeats, 16 bytes a second at most, are paid for and not counted."""
+        """Of messages, on the wire. Heartbeats, 80 bytes a second at most, are paid for and not counted."""
         return self._connections.bytes_sent
 
     @property
@@ -106,23 +109,24 @@ class LinkSender:
         with self._connections.changed:
             return next(iter(self._connections.broken.values()), None)
 
-    def connect(self, name: str, address: Address, token: bytes) -> None:
+    def connect(self, name: str, endpoint: Endpoint) -> None:
         """Connect to a receiver, within twice ``params.connect_s``; a broken connection of the name is replaced.
 
-        Raises OSError if nobody listens there, ProtocolError if the token or the version is not theirs.
+        Raises OSError if nobody listens there; ProtocolError if it is not who it should be, does not know our key, or
+        is of another version.
         """
-        outgoing = Outgoing(name, self._open(address, token), self._clock.monotonic_s())
+        outgoing = Outgoing(name, *self._open(endpoint), self._clock.monotonic_s())
         shared = self._connections
         with shared.changed:
             if shared.stop.is_set():
                 outgoing.socket.close()
                 raise ConnectionError(f"link {name!r}: closed")
             former = shared.put(outgoing)
-            self._addresses[name] = address, token
+            self._endpoints[name] = endpoint
             limit_kernel(shared, outgoing)
         if former is not None:
             former.socket.close()
-        _LOG.event("connected", connection=name, address=address)
+        _LOG.event("connected", connection=name, address=endpoint.address)
 
     def send(self, name: str, message: Message, timeout_s: float | None = None) -> bool:
         """Queue a message; False if there is no room.
@@ -131,19 +135,20 @@ class LinkSender:
         ConnectionError if the connection is known to be broken, and messages before this one may be lost;
         ProtocolError for a message larger than a receiver takes.
         """
-        data = frame(pack(message))
+        plain = pack(message)
+        nbytes = record_bytes(plain)
         limit_s = self._params.send_s if timeout_s is None else timeout_s
         shared = self._connections
         with shared.changed:
             shared.changed.wait_for(
-                lambda: not shared.is_usable(name) or self._has_room(name, len(data)), limit_s
+                lambda: not shared.is_usable(name) or self._has_room(name, nbytes), limit_s
             )
             if not shared.is_usable(name):
                 reason = "closed" if shared.stop.is_set() else shared.broken.get(name, "not connected")
                 raise ConnectionError(f"link {name!r}: {reason}")
-            if not self._has_room(name, len(data)):
+            if not self._has_room(name, nbytes):
                 return False
-            shared[name].offer(shared.next_turn(), data, message)
+            shared[name].offer(shared.next_turn(), plain, message)
             shared.changed.notify_all()
         return True
 
@@ -199,15 +204,15 @@ class LinkSender:
         for connection in self._connections.all:
             connection.socket.close()
 
-    def _open(self, address: Address, token: bytes) -> socket.socket:
-        connection = socket.create_connection(address, timeout=self._params.connect_s)
+    def _open(self, endpoint: Endpoint) -> tuple[socket.socket, Session]:
+        connection = socket.create_connection(endpoint.address, timeout=self._params.connect_s)
         try:
             connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            handshake.connect(connection, token, self._name, self._params.connect_s)
+            session = handshake.connect(connection, self._keys, endpoint.key, self._params.connect_s)
         except (OSError, ProtocolError):
             connection.close()
             raise
-        return connection
+        return connection, session
 
     def _has_room(self, name: str, nbytes: int) -> bool:
         connection = self._connections[name]
@@ -240,7 +245,7 @@ class LinkSender:
             if name not in shared.broken:  # somebody else has connected it
                 return
             try:
-                self.connect(name, *self._addresses[name])
+                self.connect(name, self._endpoints[name])
             except (OSError, ProtocolError) as error:
                 with shared.changed:
                     if name in shared.broken:

@@ -13,18 +13,20 @@ import math
 import multiprocessing
 import queue
 import random
-import secrets
 import time
 from multiprocessing.connection import Connection
 
 import numpy as np
 
+from pipeline.link.keys import Endpoint, KeyPair
 from pipeline.link.receiver import Receiver
-from pipeline.link.sender import Address, LinkSender
+from pipeline.link.records import record_bytes
+from pipeline.link.sender import LinkSender
 from pipeline.link.token_bucket import TokenBucket
 from pipeline.messages import CameraPose, EndOfStream, Message, Packet, pack
 
 TOLERANCE = 0.03
+KEYS = KeyPair()
 BURST_S = 0.05
 SIZES_BYTES = (1_000, 20_000, 200_000, 1_700_000)
 _POSE = CameraPose(np.zeros(3), np.eye(3))
@@ -35,14 +37,16 @@ def packet(nbytes: int, index: int = 0) -> Packet:
     return Packet("drone", "detector", index, 0, 0, 1, 30, False, _POSE, bytes(nbytes), sent_ns=now_ns)
 
 
-def receive(pipe: Connection, token: bytes) -> None:
+def receive(pipe: Connection, sender: bytes) -> None:
     """The other process: tells (arrival ns, sent ns, wire bytes) of each packet when the stream ends."""
     inbox: queue.Queue[tuple[int, Message]] = queue.Queue()
-    receiver = Receiver("127.0.0.1", lambda m: inbox.put((time.monotonic_ns(), m)), token=token)
-    pipe.send(receiver.address)
+    receiver = Receiver(
+        "127.0.0.1", lambda m: inbox.put((time.monotonic_ns(), m)), keys=KeyPair(), peers={sender: "sender"}
+    )
+    pipe.send(receiver.endpoint)
     arrivals = []
     while not isinstance((item := inbox.get())[1], EndOfStream):
-        arrivals.append((item[0], item[1].sent_ns, 4 + len(pack(item[1]))))
+        arrivals.append((item[0], item[1].sent_ns, record_bytes(pack(item[1]))))
     pipe.send(arrivals)
     receiver.close()
 
@@ -51,13 +55,12 @@ class Peer:
     """A receiver in another process."""
 
     def __enter__(self) -> Peer:
-        self.token = secrets.token_bytes(32)
         self.pipe, theirs = multiprocessing.Pipe()
         self.process = multiprocessing.get_context("spawn").Process(
-            target=receive, args=(theirs, self.token), daemon=True
+            target=receive, args=(theirs, KEYS.public), daemon=True
         )
         self.process.start()
-        self.address: Address = self.pipe.recv()
+        self.endpoint: Endpoint = self.pipe.recv()
         return self
 
     def finish(self, sender: LinkSender) -> list[tuple[int, int, int]]:
@@ -71,9 +74,11 @@ class Peer:
 def bandwidth(seconds: float, rate_bps: float) -> float:
     """Bits per second that arrived, the first message excluded: it opens the window."""
     sizes = random.Random(1)
-    sender = LinkSender(TokenBucket(rate_bps, max(2000.0, rate_bps / 8 * BURST_S)), capacity_bytes=200_000)
+    sender = LinkSender(
+        TokenBucket(rate_bps, max(2000.0, rate_bps / 8 * BURST_S)), keys=KEYS, capacity_bytes=200_000
+    )
     with Peer() as peer:
-        sender.connect("peer", peer.address, peer.token)
+        sender.connect("peer", peer.endpoint)
         end = time.monotonic() + seconds
         while time.monotonic() < end:
             sender.send("peer", packet(sizes.choice((200, 2_000, 8_000, 20_000, 60_000))))
@@ -85,9 +90,9 @@ def bandwidth(seconds: float, rate_bps: float) -> float:
 
 def latencies_us(nbytes: int, count: int) -> np.ndarray:
     """Microseconds from making a packet to its arrival in the other process, one at a time."""
-    sender = LinkSender(TokenBucket(math.inf, 1), capacity_bytes=10**8)
+    sender = LinkSender(TokenBucket(math.inf, 1), keys=KEYS, capacity_bytes=10**8)
     with Peer() as peer:
-        sender.connect("peer", peer.address, peer.token)
+        sender.connect("peer", peer.endpoint)
         for index in range(count):
             sender.send("peer", packet(nbytes, index))
             sender.flush(10.0)

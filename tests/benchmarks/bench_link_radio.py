@@ -25,6 +25,7 @@ from pathlib import Path
 
 import numpy as np
 
+from pipeline.link.keys import Endpoint, KeyPair
 from pipeline.link.receiver import Receiver
 from pipeline.link.sender import LinkSender
 from pipeline.link.token_bucket import TokenBucket
@@ -36,7 +37,6 @@ DECLARED_BPS, OFFERED_BPS, FRAME_HZ = 6e6, 4e6, 10.0
 GOOD_MBPS, BEFORE_S, WORSE_S, AFTER_S = 8.0, 3.0, 8.0, 5.0
 #: of an Ethernet frame of 1514 bytes, what TCP with time stamps carries; tc counts the whole
 PAYLOAD = 1448 / 1514
-TOKEN = b"bench"
 _POSE = CameraPose(np.zeros(3), np.eye(3))
 
 
@@ -53,7 +53,9 @@ class Network:
 
     def python(self, where: str, *arguments: object) -> subprocess.Popen[str]:
         words = ["ip", "netns", "exec", where, sys.executable, "-m", "tests.benchmarks.bench_link_radio"]
-        return subprocess.Popen([*words, *map(str, arguments)], cwd=ROOT, stdout=subprocess.PIPE, text=True)
+        return subprocess.Popen(
+            [*words, *map(str, arguments)], cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        )
 
 
 @contextmanager
@@ -79,8 +81,10 @@ def network() -> Iterator[Network]:
 def receive() -> None:
     """The far end: (index, age, monotonic time, bytes) of each frame as one line of JSON."""
     inbox: queue.Queue[tuple[float, Message]] = queue.Queue()
-    receiver = Receiver("10.9.9.2", lambda m: inbox.put((time.monotonic(), m)), token=TOKEN, port=9999)
-    print("ready", flush=True)
+    keys = KeyPair()
+    receiver = Receiver("10.9.9.2", lambda m: inbox.put((time.monotonic(), m)), keys=keys, port=9999)
+    print(keys.public.hex(), flush=True)
+    receiver.accept_only({bytes.fromhex(input()): "near"})
     frames = []
     while isinstance((item := inbox.get())[1], Packet):
         frames.append((item[1].index, item[0] - item[1].encode_s, item[0], len(item[1].data)))
@@ -88,10 +92,14 @@ def receive() -> None:
     receiver.close()
 
 
-def send(adapt: bool) -> None:
-    """The near end: (monotonic time, estimate, backlog, full) every 50 ms as one line of JSON."""
-    sender = LinkSender(TokenBucket(DECLARED_BPS, burst_bytes(DECLARED_BPS)), capacity_bytes=4_000_000)
-    sender.connect("far", ("10.9.9.2", 9999), TOKEN)
+def send(adapt: bool, far: str) -> None:
+    """The near end: (monotonic time, estimate, backlog, full) every 50 ms as one line of JSON. far: its public key."""
+    keys = KeyPair()
+    print(keys.public.hex(), flush=True)
+    sender = LinkSender(
+        TokenBucket(DECLARED_BPS, burst_bytes(DECLARED_BPS)), keys=keys, capacity_bytes=4_000_000
+    )
+    sender.connect("far", Endpoint("10.9.9.2", 9999, bytes.fromhex(far)))
     states, skipped, offered_bps = [], [], OFFERED_BPS
     begin_s = time.monotonic()
     print(begin_s, flush=True)
@@ -119,9 +127,11 @@ def measure(net: Network, real_mbps: float, adapt: bool) -> str:
     net.shape(GOOD_MBPS)
     far = net.python(net.far, "--role", "receive")
     assert far.stdout is not None
-    far.stdout.readline()
-    near = net.python(net.near, "--role", "send", *(["--adapt"] if adapt else []))
+    assert far.stdin is not None
+    key = far.stdout.readline().strip()
+    near = net.python(net.near, "--role", "send", "--far", key, *(["--adapt"] if adapt else []))
     assert near.stdout is not None
+    print(near.stdout.readline().strip(), file=far.stdin, flush=True)
     begin_s = float(near.stdout.readline())
     time.sleep(max(0.0, begin_s + BEFORE_S - time.monotonic()))
     net.shape(real_mbps)
@@ -161,12 +171,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--real-mbps", type=float, nargs="+", default=[3.0, 1.0, 0.5])
     parser.add_argument("--adapt", action="store_true")
+    parser.add_argument("--far", default="", help=argparse.SUPPRESS)
     parser.add_argument("--role", choices=["send", "receive"], help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.role == "receive":
         receive()
     elif arguments.role == "send":
-        send(arguments.adapt)
+        send(arguments.adapt, arguments.far)
     else:
         print(
             "| Mbps of tc | adapted | known after 2 s | within 10 % after | then within 10 % | link used "

@@ -21,15 +21,18 @@ import pytest
 from pipeline.errors import ProtocolError
 from pipeline.link import handshake
 from pipeline.link.backoff import BackoffParams
+from pipeline.link.keys import Endpoint, KeyPair
 from pipeline.link.params import LinkParams
 from pipeline.link.receiver import Receiver
 from pipeline.link.sender import LinkSender
 from pipeline.link.token_bucket import TokenBucket
 from pipeline.messages import CameraPose, Message, Packet
 from pipeline.mission.stages.virtual_link import burst_bytes
+from tests.channel_ends import greet
 from tests.integration.throttled_relay import ThrottledRelay
 
-TOKEN = b"a token for this test"
+KEYS = KeyPair()
+PEERS = {KEYS.public: "a peer"}
 WAIT_S = 20.0
 DECLARED_BPS, OFFERED_BPS, FRAME_HZ = 6e6, 4e6, 10.0
 _POSE = CameraPose(np.zeros(3), np.eye(3))
@@ -45,12 +48,12 @@ def ends() -> Iterator[Callable[..., tuple[LinkSender, ThrottledRelay, queue.Que
 
     def make(real_bps: float, **more: object) -> tuple[LinkSender, ThrottledRelay, queue.Queue[Message]]:
         inbox: queue.Queue[Message] = queue.Queue()
-        receiver = Receiver("127.0.0.1", inbox.put, token=TOKEN)
-        relay = ThrottledRelay(receiver.address, real_bps)
+        receiver = Receiver("127.0.0.1", inbox.put, keys=KEYS, peers=PEERS)
+        relay = ThrottledRelay(receiver.endpoint.address, real_bps)
         bucket = TokenBucket(DECLARED_BPS, burst_bytes(DECLARED_BPS))
-        sender = LinkSender(bucket, capacity_bytes=4_000_000, **more)  # type: ignore[arg-type]
+        sender = LinkSender(bucket, keys=KEYS, capacity_bytes=4_000_000, **more)  # type: ignore[arg-type]
         closing.extend((sender, relay, receiver))
-        sender.connect("ground", relay.address, TOKEN)
+        sender.connect("ground", Endpoint(*relay.address, KEYS.public))
         return sender, relay, inbox
 
     yield make
@@ -150,11 +153,11 @@ def test_a_link_that_was_cut_is_made_again_after_a_wait_and_goes_on(ends) -> Non
 def test_a_receiver_that_stops_reading_does_not_hold_the_link_that_another_shares() -> None:
     inbox: queue.Queue[Message] = queue.Queue()
     gate = threading.Event()
-    stopped = Receiver("127.0.0.1", lambda _: gate.wait(WAIT_S) and None, token=TOKEN)
-    going = Receiver("127.0.0.1", inbox.put, token=TOKEN)
-    sender = LinkSender(TokenBucket(20e6, burst_bytes(20e6)), capacity_bytes=1_000_000)
-    sender.connect("stopped", stopped.address, TOKEN)
-    sender.connect("going", going.address, TOKEN)
+    stopped = Receiver("127.0.0.1", lambda _: gate.wait(WAIT_S) and None, keys=KEYS, peers=PEERS)
+    going = Receiver("127.0.0.1", inbox.put, keys=KEYS, peers=PEERS)
+    sender = LinkSender(TokenBucket(20e6, burst_bytes(20e6)), keys=KEYS, capacity_bytes=1_000_000)
+    sender.connect("stopped", stopped.endpoint)
+    sender.connect("going", going.endpoint)
     refused = 0
     for index in range(200):
         refused += not sender.send("stopped", packet(index, 100_000, "stopped"), timeout_s=0)
@@ -167,10 +170,12 @@ def test_a_receiver_that_stops_reading_does_not_hold_the_link_that_another_share
         end.close()
 
 
-def receive(pipe: Connection) -> None:
-    """In another process: sends the number of each packet that comes."""
-    receiver = Receiver("127.0.0.1", lambda message: pipe.send(message.index), token=TOKEN)  # type: ignore[union-attr]
-    pipe.send(receiver.address)
+def receive(pipe: Connection, peer: bytes) -> None:
+    """In another process: sends the number of each packet that comes from who has this key."""
+    receiver = Receiver(
+        "127.0.0.1", lambda message: pipe.send(message.index), keys=KEYS, peers={peer: "a peer"}
+    )  # type: ignore[union-attr]
+    pipe.send(receiver.endpoint)
     threading.Event().wait()
 
 
@@ -180,6 +185,7 @@ def test_a_stopped_process_is_known_within_two_seconds_holds_nobody_up_and_goes_
     back: queue.Queue[str] = queue.Queue()
     sender = LinkSender(
         TokenBucket(20e6, burst_bytes(20e6)),
+        keys=KEYS,
         capacity_bytes=10_000_000,
         on_lost=lambda *what: told.put(what),
         on_back=back.put,
@@ -188,9 +194,9 @@ def test_a_stopped_process_is_known_within_two_seconds_holds_nobody_up_and_goes_
     processes = []
     for name in ("stopped", "going"):
         ours[name], theirs = spawn.Pipe()
-        processes.append(spawn.Process(target=receive, args=(theirs,), daemon=True))
+        processes.append(spawn.Process(target=receive, args=(theirs, KEYS.public), daemon=True))
         processes[-1].start()
-        sender.connect(name, ours[name].recv(), TOKEN)
+        sender.connect(name, ours[name].recv())
     try:
         pid = processes[0].pid
         assert pid is not None
@@ -217,17 +223,19 @@ def test_a_stopped_process_is_known_within_two_seconds_holds_nobody_up_and_goes_
 
 def test_a_peer_that_says_hello_and_no_more_costs_the_time_limit_and_no_more() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
-        sender = LinkSender(TokenBucket(1e6, 1e4), capacity_bytes=1000, params=LinkParams(connect_s=0.3))
+        sender = LinkSender(
+            TokenBucket(1e6, 1e4), keys=KEYS, capacity_bytes=1000, params=LinkParams(connect_s=0.3)
+        )
         begin_s = time.monotonic()
         with pytest.raises(OSError, match="time"):
-            sender.connect("ground", server.getsockname()[:2], TOKEN)
+            sender.connect("ground", Endpoint(*server.getsockname()[:2], KEYS.public))
         assert time.monotonic() - begin_s < 2.0
         sender.close()
 
 
 def test_a_sender_that_connects_and_no_more_loses_its_connection_in_time() -> None:
-    receiver = Receiver("127.0.0.1", lambda _: None, token=TOKEN, params=LinkParams(connect_s=0.3))
-    with socket.create_connection(receiver.address) as peer:
+    receiver = Receiver("127.0.0.1", lambda _: None, keys=KEYS, peers=PEERS, params=LinkParams(connect_s=0.3))
+    with socket.create_connection(receiver.endpoint.address) as peer:
         peer.settimeout(WAIT_S)
         begin_s = time.monotonic()
         while peer.recv(1000):
@@ -240,12 +248,17 @@ def test_a_sender_that_falls_silent_is_reported_by_its_receiver_with_its_name_an
     told: queue.Queue[tuple[str, str]] = queue.Queue()
     params = LinkParams(silence_s=0.4, broken_s=1.0)
     receiver = Receiver(
-        "127.0.0.1", lambda _: None, token=TOKEN, params=params, on_lost=lambda *what: told.put(what)
+        "127.0.0.1",
+        lambda _: None,
+        keys=KEYS,
+        peers=PEERS,
+        params=params,
+        on_lost=lambda *what: told.put(what),
     )
-    with socket.create_connection(receiver.address) as peer:
-        handshake.connect(peer, TOKEN, "stream drone-1")
-        assert told.get(timeout=WAIT_S) == ("stream drone-1", "silent for 0.4 s")
-        assert told.get(timeout=WAIT_S) == ("stream drone-1", "silent for 1 s")
+    with socket.create_connection(receiver.endpoint.address) as peer:
+        handshake.connect(peer, KEYS, receiver.endpoint.key)
+        assert told.get(timeout=WAIT_S) == ("a peer", "silent for 0.4 s")
+        assert told.get(timeout=WAIT_S) == ("a peer", "silent for 1 s")
     receiver.close()
 
 
@@ -253,12 +266,21 @@ def test_an_idle_link_is_not_silent_at_either_end() -> None:
     told: list[tuple[str, str]] = []
     params = LinkParams(heartbeat_s=0.1, silence_s=2.0)
     receiver = Receiver(
-        "127.0.0.1", lambda _: None, token=TOKEN, params=params, on_lost=lambda *what: told.append(what)
+        "127.0.0.1",
+        lambda _: None,
+        keys=KEYS,
+        peers=PEERS,
+        params=params,
+        on_lost=lambda *what: told.append(what),
     )
     sender = LinkSender(
-        TokenBucket(1e6, 1e4), capacity_bytes=1000, params=params, on_lost=lambda *what: told.append(what)
+        TokenBucket(1e6, 1e4),
+        keys=KEYS,
+        capacity_bytes=1000,
+        params=params,
+        on_lost=lambda *what: told.append(what),
     )
-    sender.connect("ground", receiver.address, TOKEN)
+    sender.connect("ground", receiver.endpoint)
     time.sleep(3.0)
     assert told == []
     assert sender.is_up("ground")
@@ -274,11 +296,11 @@ def test_a_receiver_asks_for_a_new_beginning_of_one_substream() -> None:
         assert isinstance(message, Packet)
         receiver.want_restart(message.stream, message.detector)
 
-    receiver = Receiver("127.0.0.1", refuse, token=TOKEN)
+    receiver = Receiver("127.0.0.1", refuse, keys=KEYS, peers=PEERS)
     sender = LinkSender(
-        TokenBucket(1e6, 1e4), capacity_bytes=10_000, on_restart=lambda *what: asked.put(what)
+        TokenBucket(1e6, 1e4), keys=KEYS, capacity_bytes=10_000, on_restart=lambda *what: asked.put(what)
     )
-    sender.connect("ground", receiver.address, TOKEN)
+    sender.connect("ground", receiver.endpoint)
     sender.send("ground", packet(0, 100, "ground-pc:größe"))
     assert asked.get(timeout=WAIT_S) == ("drone", "ground-pc:größe")
     receiver.close()
@@ -300,35 +322,38 @@ def test_a_receiver_that_says_what_cannot_be_is_given_up(said: bytes) -> None:
 
         def lie() -> None:
             connection, _ = server.accept()
-            handshake.accept(connection, TOKEN)
-            connection.sendall(said)
+            connection.sendall(greet(connection, KEYS, PEERS).writer.seal(said))
             with suppress(OSError):
                 connection.recv(1000)
             told.join()
             connection.close()
 
         threading.Thread(target=lie, daemon=True).start()
-        sender = LinkSender(TokenBucket(1e6, 1e4), capacity_bytes=1000, on_lost=lambda *what: told.put(what))
-        sender.connect("ground", server.getsockname()[:2], TOKEN)
+        sender = LinkSender(
+            TokenBucket(1e6, 1e4), keys=KEYS, capacity_bytes=1000, on_lost=lambda *what: told.put(what)
+        )
+        sender.connect("ground", Endpoint(*server.getsockname()[:2], KEYS.public))
         assert told.get(timeout=WAIT_S)[0] == "ground"
         assert type(sender.error).__name__ == "ProtocolError"
         sender.close()
         told.task_done()
 
 
-@pytest.mark.parametrize("hello", [b"SLNK\x01", b"SLNK\x07", b"\x00\x01\x02\x03\x04", b"HTTP/"])
+@pytest.mark.parametrize("hello", [b"SLNK\x02", b"SLNK\x07", b"\x00\x01\x02\x03\x04", b"HTTP/"])
 def test_another_version_of_the_wire_form_is_refused_by_both_ends_in_words(hello: bytes) -> None:
-    expected = r"(speaks version \d of the wire form|is no Searchlight of this release).*expected version 2"
+    expected = r"(speaks version \d of the wire form|is no Searchlight of this release).*expected version 3"
     with socket.create_server(("127.0.0.1", 0)) as server:
         threading.Thread(target=lambda: server.accept()[0].sendall(hello + bytes(32)), daemon=True).start()
-        sender = LinkSender(TokenBucket(1e6, 1e4), capacity_bytes=1000)
+        sender = LinkSender(TokenBucket(1e6, 1e4), keys=KEYS, capacity_bytes=1000)
         with pytest.raises(ProtocolError, match=expected):
-            sender.connect("ground", server.getsockname()[:2], TOKEN)
+            sender.connect("ground", Endpoint(*server.getsockname()[:2], KEYS.public))
         sender.close()
     told: queue.Queue[tuple[str, str]] = queue.Queue()
-    receiver = Receiver("127.0.0.1", lambda _: None, token=TOKEN, on_lost=lambda *what: told.put(what))
-    with socket.create_connection(receiver.address) as peer:
+    receiver = Receiver(
+        "127.0.0.1", lambda _: None, keys=KEYS, peers=PEERS, on_lost=lambda *what: told.put(what)
+    )
+    with socket.create_connection(receiver.endpoint.address) as peer:
         peer.sendall(hello + bytes(65))
         assert re.search(expected, told.get(timeout=WAIT_S)[1])
-    assert receiver.rejected == 1
+    assert receiver.rejected == {"version": 1}
     receiver.close()

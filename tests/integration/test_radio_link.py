@@ -23,6 +23,7 @@ from pipeline.ingest.track import Track
 from pipeline.ingest.trajectory_of import Ground, trajectory_of
 from pipeline.ingest.video.recordings import open_recordings
 from pipeline.link.codec import Decoder
+from pipeline.link.keys import Endpoint, KeyPair
 from pipeline.link.receiver import Receiver
 from pipeline.messages import Dropped, EndOfStream, Message, Packet
 from pipeline.mission.controller.orders import Send
@@ -33,7 +34,8 @@ from pipeline.mission.stages.source import SourceParams, SourceStage, StreamInpu
 from pipeline.mission.stages.virtual_link import VirtualLink
 from tests.integration.throttled_relay import ThrottledRelay
 
-TOKEN = b"a token for this test"
+KEYS = KeyPair()
+PEERS = {KEYS.public: "a peer"}
 SECONDS, RATE_HZ = 6, 10.0
 WAIT_S = 20.0
 
@@ -77,7 +79,7 @@ def far_end() -> Iterator[Callable[[Callable[[Message], None]], Receiver]]:
     receivers: list[Receiver] = []
 
     def make(take: Callable[[Message], None]) -> Receiver:
-        receivers.append(Receiver("127.0.0.1", take, token=TOKEN))
+        receivers.append(Receiver("127.0.0.1", take, keys=KEYS, peers=PEERS))
         return receivers[-1]
 
     yield make
@@ -101,9 +103,9 @@ def test_real_and_virtual_link_send_and_drop_the_same_of_one_plan(
 
     got: list[Message] = []
     receiver = far_end(got.append)
-    link = RadioLink("v", bandwidth, TOKEN)
+    link = RadioLink("v", bandwidth, KEYS)
     for a in plan:
-        link.connect(a.site, a.detector, receiver.address)
+        link.connect(a.site, a.detector, receiver.endpoint)
     stage = SourceStage(stream, plan, link, params)
     stage.run(realtime())
     assert len(receiver._peers) == 1, "one connection for both substreams"
@@ -120,11 +122,11 @@ def test_real_and_virtual_link_send_and_drop_the_same_of_one_plan(
 
 
 def test_a_site_that_cannot_be_reached_is_an_error_with_the_names_of_both_ends() -> None:
-    link = RadioLink("drone-1", {"ground": 1e6}, TOKEN)
+    link = RadioLink("drone-1", {"ground": 1e6}, KEYS)
     with pytest.raises(
         RunFailedError, match=r"stream drone-1: no connection to ground at 127\.0\.0\.1:1: .*refused"
     ):
-        link.connect("ground", "small", ("127.0.0.1", 1))
+        link.connect("ground", "small", Endpoint("127.0.0.1", 1, KEYS.public))
     link.close()
 
 
@@ -158,9 +160,9 @@ def test_a_detector_that_hangs_holds_up_no_other_and_goes_on_with_a_key_frame(
     for worker in workers:
         worker.start()
     receiver = far_end(lambda message: inboxes[message.detector].put(message))
-    link = RadioLink("v", {"site": 4e6}, TOKEN)
+    link = RadioLink("v", {"site": 4e6}, KEYS)
     for a in plan:
-        link.connect(a.site, a.detector, receiver.address)
+        link.connect(a.site, a.detector, receiver.endpoint)
     params = SourceParams(max_backlog_s=5.0, keyframe_interval_s=100.0)  # none but the one that is asked for
     stage = SourceStage(stream, plan, link, params)
     threading.Timer(3.5, resume.set).start()
@@ -190,9 +192,9 @@ def test_a_cut_link_is_made_again_and_every_frame_is_accounted_for(stream: Strea
     got: list[Message] = []
     told: list[tuple[str, str, str]] = []
     receiver = far_end(got.append)
-    relay = ThrottledRelay(receiver.address, 50e6)
-    link = RadioLink("v", {"site": 4e6}, TOKEN, on_lost=lambda *what: told.append(what))
-    link.connect("site", "a", relay.address)
+    relay = ThrottledRelay(receiver.endpoint.address, 50e6)
+    link = RadioLink("v", {"site": 4e6}, KEYS, on_lost=lambda *what: told.append(what))
+    link.connect("site", "a", Endpoint(*relay.address, KEYS.public))
     stage = SourceStage(stream, (assignment("a"),), link, SourceParams())
     threading.Timer(2.05, relay.cut).start()
     stage.run(realtime())
@@ -223,9 +225,10 @@ def test_a_wall_clock_that_jumps_moves_nothing_but_stamps(
     got: list[tuple[float, Message]] = []
     receiver = far_end(lambda message: got.append((time.monotonic() - begin_s, message)))
     patient = SourceParams(max_backlog_s=4.0)  # a busy machine is late by less, the jump by more
-    actor = SourceActor(stream, (), {"site": 4e6}, TOKEN, patient, clock=Clock(utc_ns=utc_ns))
+    actor = SourceActor(stream, (), {"site": 4e6}, patient, clock=Clock(utc_ns=utc_ns))
     first = assignment("a")
-    actor.follow(Send(PlanEpoch(stream.stream, 0, (Opened(0, first),))), {first.machine: receiver.address})
+    actor.follow(Send(PlanEpoch(stream.stream, 0, (Opened(0, first),))), {first.machine: receiver.endpoint})
+    receiver.accept_only({actor.public_key(): "source:v"})
     actor.film(begin_ns * 1e-9 + 0.5)
     while not (status := actor.status()).finished and status.error is None:
         time.sleep(0.05)

@@ -27,13 +27,13 @@ def detections(draw: st.DrawFn) -> Detections:
     return Detections(
         draw(st.text(max_size=8)),
         draw(st.text(max_size=8)),
-        draw(INT64),
-        draw(INT64),
+        draw(st.integers(0, 2**48)),
+        draw(st.integers(0, 2**63 - 1)),
         CameraPose(draw(array(np.float64, 3)), draw(array(np.float64, (3, 3)))),
         draw(array(np.float64, (count, 4))),
         draw(array(np.float64, count)),
         draw(array(np.int64, count)),
-        Hops(draw(FLOATS), draw(FLOATS), draw(FLOATS), draw(FLOATS)),
+        Hops(*(draw(st.floats(0.0, 1e9)) for _ in range(4))),
     )
 
 

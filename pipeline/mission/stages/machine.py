@@ -105,6 +105,10 @@ class MachineStage:
             ).start()
         return dropped
 
+    def holds(self, message: Packet | EndOfStream) -> bool:
+        """Whether the message is of a substream that is held."""
+        return Substream(message.stream, message.detector, message.epoch) in self._held
+
     def put(self, message: Message) -> None:
         """A message of a source; of a substream that is not held it is nobody's."""
         if isinstance(message, Packet | EndOfStream):

@@ -13,13 +13,12 @@ from functools import partial
 
 from pipeline.clock import Clock
 from pipeline.errors import ProtocolError, RunFailedError
+from pipeline.link.keys import Endpoint, KeyPair
 from pipeline.link.params import LinkParams
 from pipeline.link.sender import LinkSender, LinkState
 from pipeline.link.token_bucket import TokenBucket
 from pipeline.messages import EndOfStream, Message, Packet
 from pipeline.mission.stages.virtual_link import burst_bytes
-
-Address = tuple[str, int]
 
 
 @dataclass(frozen=True)
@@ -40,7 +39,7 @@ class RadioParams:
 
 
 class RadioLink:
-    """stream: whose. bandwidth_bps: declared, per site.
+    """stream: whose. bandwidth_bps: declared, per site. keys: of who sends.
 
     on_lost(site, connection, reason), on_back(site, connection): see LinkSender; called on its threads.
     """
@@ -49,14 +48,14 @@ class RadioLink:
         self,
         stream: str,
         bandwidth_bps: Mapping[str, float],
-        token: bytes,
+        keys: KeyPair,
         params: RadioParams | None = None,
         clock: Clock | None = None,
         on_lost: Callable[[str, str, str], None] = lambda site, name, reason: None,
         on_back: Callable[[str, str], None] = lambda site, name: None,
     ) -> None:
         self._stream = stream
-        self._token, self._params, self._clock = token, params or RadioParams(), clock or Clock()
+        self._params, self._clock = params or RadioParams(), clock or Clock()
         self._on_lost = on_lost
         self._lock = threading.Lock()
         self._restarts: set[str] = set()
@@ -65,6 +64,7 @@ class RadioLink:
             site: LinkSender(
                 TokenBucket(rate, burst_bytes(rate)),
                 capacity_bytes=self._params.queue_bytes,
+                keys=keys,
                 name=f"stream {stream}",
                 params=self._params.link,
                 clock=self._clock,
@@ -77,24 +77,24 @@ class RadioLink:
             if rate > 0.0
         }
 
-    def connect(self, site: str, detector: str, address: Address) -> None:
-        """Open the way to a detector at a site, over the connection to its address, if there is one.
+    def connect(self, site: str, detector: str, endpoint: Endpoint) -> None:
+        """Open the way to a detector at a site, over the connection to its endpoint, if there is one.
 
         Raises RunFailedError, with the names of both ends, if there can be none.
         """
-        name = f"{site} at {address[0]}:{address[1]}"
+        name = f"{site} at {endpoint.host}:{endpoint.port}"
         if name not in self._connections.values():
             try:
-                self.senders[site].connect(name, address, self._token)
+                self.senders[site].connect(name, endpoint)
             except (OSError, ProtocolError) as error:
                 raise RunFailedError(f"stream {self._stream}: no connection to {name}: {error}") from None
         self._connections[detector] = name
 
-    def expect(self, site: str, detector: str, address: Address | None) -> None:
+    def expect(self, site: str, detector: str, endpoint: Endpoint | None) -> None:
         """As ``connect``; where nobody can be reached there, the way counts as down until the next call."""
         try:
-            if address is not None:
-                self.connect(site, detector, address)
+            if endpoint is not None:
+                self.connect(site, detector, endpoint)
                 return
         except RunFailedError as error:
             self._on_lost(site, detector, str(error))

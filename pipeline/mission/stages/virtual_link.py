@@ -2,7 +2,7 @@
 
 Used where a run goes as fast as it can (pace max, and the local run): the token bucket's clock is the capture
 time, so that what a link cannot carry is dropped, at the same frames, however fast the machine is. It charges what a
-connection would carry: the message as it is framed, its head included. A connection's heartbeats are not charged.
+connection would carry: the sealed record of the message, its head included. A connection's heartbeats are not charged.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 
-from pipeline.link.framing import frame
+from pipeline.link.records import record_bytes
 from pipeline.link.token_bucket import TokenBucket
 from pipeline.messages import Message, Packet, pack
 
@@ -57,7 +57,7 @@ class VirtualLink:
 def wire_bytes(message: Message) -> int:
     """What a connection carries for a message, which it stamps if it is a packet."""
     stamped = replace(message, sent_ns=_STAMPED_NS) if isinstance(message, Packet) else message
-    return len(frame(pack(stamped)))
+    return record_bytes(pack(stamped))
 
 
 def burst_bytes(rate_bps: float) -> float:

@@ -19,6 +19,7 @@ from actors.reducer import ReducerActor
 from actors.scheduler import Heard
 from actors.source import SourceActor
 from pipeline.allocation.plan import Assignment, Plan, assignment_to_json
+from pipeline.link.keys import Endpoint, KeyPair
 from pipeline.link.receiver import Receiver
 from pipeline.link.sender import LinkState
 from pipeline.messages import Dropped
@@ -30,8 +31,9 @@ from pipeline.mission.durable_reducer import Acknowledgement
 from pipeline.mission.stages.radio_link import RadioLink
 from pipeline.mission.stages.source import SourceParams
 
-TOKEN = b"t" * 32
+KEYS = KeyPair()
 HERE = "127.0.0.1"
+ENDPOINT = Endpoint(HERE, 4711, KEYS.public)
 
 
 def opened(machine: str = "m", epoch: int = 3) -> Opened:
@@ -43,7 +45,11 @@ class Reducer:
 
     def __init__(self) -> None:
         self.got: queue.Queue = queue.Queue()
-        self.receiver = Receiver(HERE, self.got.put, token=TOKEN)
+        self.receiver = Receiver(HERE, self.got.put, keys=KeyPair())
+
+    @property
+    def endpoint(self):
+        return self.receiver.endpoint
 
     def next(self):
         return self.got.get(timeout=10.0)
@@ -62,8 +68,9 @@ def result(sequence: int) -> Dropped:
 
 
 def _machine(reducer: Reducer, resend_s: float = 0.2) -> MachineActor:
-    machine = MachineActor("m", HERE, TOKEN, "h264", MachineParams(resend_s=resend_s))
-    machine.begin({}, reducer.receiver.address, incarnation=4)
+    machine = MachineActor("m", HERE, "h264", MachineParams(resend_s=resend_s))
+    reducer.receiver.accept_only({machine.public_key(): "machine:m"})
+    machine.begin({}, reducer.endpoint, incarnation=4)
     return machine
 
 
@@ -93,7 +100,8 @@ def test_the_next_reducer_is_sent_what_is_not_safe_and_only_that(reducers) -> No
     for sequence in range(3):
         machine._keep_and_answer(result(sequence), False)
     machine.report((Acknowledgement("v", "m:d", 3, 1),))
-    machine.results_to(reducers[1].receiver.address)
+    reducers[1].receiver.accept_only({machine.public_key(): "machine:m"})
+    machine.results_to(reducers[1].endpoint)
     assert [reducers[1].next().sequence for _ in range(2)] == [1, 2]
     machine._keep_and_answer(result(3), False)
     assert reducers[1].next().sequence == 3
@@ -105,7 +113,8 @@ def test_a_machine_whose_reducer_is_gone_keeps_its_results_for_the_next(reducers
     time.sleep(0.2)
     for sequence in range(3):
         machine._keep_and_answer(result(sequence), False)
-    machine.results_to(reducers[1].receiver.address)
+    reducers[1].receiver.accept_only({machine.public_key(): "machine:m"})
+    machine.results_to(reducers[1].endpoint)
     assert [reducers[1].next().sequence for _ in range(3)] == [0, 1, 2]
 
 
@@ -114,7 +123,8 @@ def test_what_a_machine_is_not_to_hold_any_more_is_not_sent_again(reducers) -> N
     machine._stage.run = lambda order: (opened().key,)  # it held this, and drops it
     machine._keep_and_answer(result(0), False)
     machine.run(Run("m", ()))
-    machine.results_to(reducers[1].receiver.address)
+    reducers[1].receiver.accept_only({machine.public_key(): "machine:m"})
+    machine.results_to(reducers[1].endpoint)
     time.sleep(0.3)
     assert reducers[1].got.empty()
 
@@ -126,7 +136,7 @@ def _state(rate_bps: float, full: bool) -> LinkState:
 def test_a_source_reports_what_its_limited_links_let_through_and_more_of_those_that_are_not_full() -> None:
     bandwidth = {"full": 6e6, "easy": 6e6, "own": math.inf}
     source = SourceActor(
-        SimpleNamespace(stream="v", video=SimpleNamespace(pictures=9)), (), bandwidth, TOKEN, SourceParams()
+        SimpleNamespace(stream="v", video=SimpleNamespace(pictures=9)), (), bandwidth, SourceParams()
     )
     states = {"full": _state(1e6, True), "easy": _state(2e6, False), "own": _state(math.inf, False)}
     source._link = SimpleNamespace(states=lambda: states)
@@ -136,23 +146,25 @@ def test_a_source_reports_what_its_limited_links_let_through_and_more_of_those_t
 
 
 def test_a_source_keeps_the_newest_epoch_it_was_ordered_to_follow() -> None:
-    source = SourceActor(SimpleNamespace(stream="v"), (), {}, TOKEN, SourceParams())
+    source = SourceActor(SimpleNamespace(stream="v"), (), {}, SourceParams())
     newer, older = Send(PlanEpoch("v", 5)), Send(PlanEpoch("v", 4))
-    source.follow(newer, {"m": (HERE, 1)})
+    source.follow(newer, {"m": ENDPOINT})
     source.follow(older, {})
-    assert source._order == (newer, {"m": (HERE, 1)})
+    assert source._order == (newer, {"m": ENDPOINT})
 
 
 def test_a_way_to_nobody_is_down_until_there_is_somebody(reducers) -> None:
     lost: list[tuple[str, str, str]] = []
-    link = RadioLink("v", {"s": 6e6}, TOKEN, on_lost=lambda *what: lost.append(what))
+    link = RadioLink("v", {"s": 6e6}, KEYS, on_lost=lambda *what: lost.append(what))
     link.expect("s", "m:d", None)
     assert not link.is_up("s", "m:d")
+    gone = reducers[1].endpoint
     reducers[1].receiver.close()
-    link.expect("s", "m:d", reducers[1].receiver.address)
+    link.expect("s", "m:d", gone)
     assert not link.is_up("s", "m:d")
     assert lost[0][:2] == ("s", "m:d")
-    link.expect("s", "m:d", reducers[0].receiver.address)
+    reducers[0].receiver.accept_only({KEYS.public: "source:v"})
+    link.expect("s", "m:d", reducers[0].endpoint)
     assert link.is_up("s", "m:d")
     link.close()
 
@@ -172,7 +184,7 @@ def _wiring() -> tuple[LiveWiring, Called, Called, Called]:
     machine, source, reducer = Called(), Called(), Called()
     acknowledged = (Acknowledgement("v", "m:d", 3, 7),)
     wiring._peers = {
-        "machine:m": _Peer(machine, 1, reached=(HERE, 4711)),
+        "machine:m": _Peer(machine, 1, reached=ENDPOINT),
         "source:v": _Peer(source, 2),
         "reducer": _Peer(reducer, 5, status=SimpleNamespace(acknowledged=acknowledged)),
     }
@@ -187,7 +199,7 @@ def test_every_order_reaches_its_actor_and_a_source_is_told_where_the_machines_l
     for order in (run, send, expect):
         wiring._carry_out(order)
     assert machine.calls == [("run", (run,))]
-    assert source.calls == [("follow", (send, {"m": (HERE, 4711)}))]
+    assert source.calls == [("follow", (send, {"m": ENDPOINT}))]
     assert reducer.calls == [("expect", (expect,))]
 
 
@@ -222,6 +234,7 @@ def test_machines_are_told_where_a_new_reducer_listens() -> None:
 def _reducer_actor(open_: set, over: set) -> tuple[ReducerActor, list]:
     actor, calls = ReducerActor.__new__(ReducerActor), []
     actor._changed = threading.Condition()
+    actor._machine_of = {}
     actor._stage = SimpleNamespace(open=frozenset(open_), sequencer=SimpleNamespace(over=frozenset(over)))
     actor._durable = SimpleNamespace(
         open_again=lambda *what: calls.append(("open", *what)),

@@ -37,7 +37,8 @@ def reducer(frames: int, dropped: dict[str, int] | None = None) -> ReducerStatus
         {"v": dropped or {}},
         {"bad_box": 2},
         {("v", "d"): hops},
-        0,
+        {},
+        {"wrong_stream": 3},
         None,
     )
 
@@ -62,7 +63,7 @@ def test_at_any_moment_captured_is_processed_and_dropped_and_in_flight(
 def test_the_endpoint_shows_frames_hops_links_and_the_plan() -> None:
     link = LinkState(0.5e6, True, 1.5, 93750, 4, {"ground at 10.0.0.1:7": "silent"})
     idle = LinkState(math.inf, False, 0.0, 0, 0, {})
-    machine = MachineStatus("pc", {}, 2, None, idle)
+    machine = MachineStatus("pc", {}, {"not_authentic": 2}, {}, None, idle)
     flying = replace(source(), links={"ground": link})
     snapshot = Snapshot(PLAN, {"v": flying}, reducer(7), {("v", "ground"): 6e6}, machines={"pc": machine})
     server = serve(RunCollector(snapshot), 0)
@@ -86,8 +87,9 @@ def test_the_endpoint_shows_frames_hops_links_and_the_plan() -> None:
         'searchlight_link_backlog_seconds{site="ground",stream="v"} 1.5',
         'searchlight_link_messages_lost_total{site="ground",stream="v"} 4.0',
         'searchlight_link_down{site="ground",stream="v"} 1.0',
-        'searchlight_connections_rejected_total{actor="pc"} 2.0',
-        'searchlight_connections_rejected_total{actor="reducer"} 0.0',
+        'searchlight_connections_rejected_total{actor="pc",reason="not_authentic"} 2.0',
+        'searchlight_connections_rejected_total{actor="reducer",reason="unknown_key"} 0.0',
+        'searchlight_messages_refused_total{actor="reducer",reason="wrong_stream"} 3.0',
         "searchlight_plan_objective 1.25",
         "searchlight_plan_gap 0.0",
     ):

@@ -15,7 +15,7 @@ from pipeline.geo.frame import LocalFrame
 from pipeline.ingest.track import Track
 from pipeline.ingest.trajectory_of import Ground, trajectory_of
 from pipeline.ingest.video.recordings import open_recordings
-from pipeline.link.framing import frame
+from pipeline.link.records import record_bytes
 from pipeline.messages import Detections, EndOfStream, Message, Packet, pack
 from pipeline.mission.controller.substreams import Opened, PlanEpoch
 from pipeline.mission.stages.detector import DetectorStage
@@ -292,7 +292,9 @@ def test_a_link_in_video_time_charges_heads_and_ends_as_a_connection_does(video:
     _, sent, link = run(video, [assignment("a")], 1e6)
     data = sum(len(m.data) for _, m in sent if isinstance(m, Packet))
     stamped = [replace(m, sent_ns=time.time_ns()) if isinstance(m, Packet) else m for _, m in sent]
-    assert link.bytes_sent["site"] == sum(len(frame(pack(m))) for m in stamped) > data + 180 * (len(sent) - 1)
+    assert (
+        link.bytes_sent["site"] == sum(record_bytes(pack(m)) for m in stamped) > data + 180 * (len(sent) - 1)
+    )
 
 
 def opened(epoch: int, detector: str, period: int = 1, phase: int = 0, bitrate_bps: float = 1e6) -> Opened:
