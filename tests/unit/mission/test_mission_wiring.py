@@ -174,7 +174,7 @@ def test_what_a_machine_lacks_is_refused_before_the_start_with_the_machine_s_nam
     wanting = replace(a, setup=replace(a.setup, provider="cuda"))
     if "CUDAExecutionProvider" in onnxruntime.get_available_providers():
         pytest.skip("this machine has CUDA")
-    actor = MachineActor("m", "127.0.0.1", b"t", "h264")
+    actor = MachineActor("m", "127.0.0.1", "h264")
     with pytest.raises(InputError, match=r"machine m: .*nano\.onnx: found provider 'cuda'"):
         actor._opened(wanting, prepared.runnable(a.pool_detector), LAYERS)
 
@@ -268,7 +268,7 @@ def test_a_machine_opens_its_detectors_with_the_calibration_of_the_plan_s_bitrat
     monkeypatch.setattr(
         machine, "open_pool_detector", lambda row, layers, setup: seen.append(row.calibration)
     )
-    actor = MachineActor("m", "127.0.0.1", b"t", "h265")
+    actor = MachineActor("m", "127.0.0.1", "h265")
     detector = PoolDetector.model_validate(row("d", "small", operating_points=MEASURED))
     expected = []
     for codec in ("", "h264"):
