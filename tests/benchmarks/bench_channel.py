@@ -4,8 +4,8 @@ python -m tests.benchmarks.bench_channel [--rounds 5] [--messages 20000] [--good
 
 Both carry the same packets of 20 KB, pose and all, from one process to another on loopback, as fast as they are taken,
 and then one by one. Plain TCP packs the same values with msgpack, a length before them, and believes what it reads. The
-rounds alternate; the figure is the median of the rounds' ratios. --goodput: what passes a link of a stated rate instead,
-in bytes of records, over 20 s each.
+rounds alternate; the figure is the median of the rounds' ratios. --goodput: what passes a link of a stated rate
+instead, in bytes of records, over 20 s each.
 """
 
 from __future__ import annotations
