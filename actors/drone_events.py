@@ -17,11 +17,11 @@ from pipeline.view.poses import Flight, decoded
 
 
 class DroneEvents:
-    """Of one run. What is known of its flights is read once."""
+    """Of one run. What is known of its flights is read when it is written: once, and again where they are live."""
 
     def __init__(self, run: Path) -> None:
         self._folder = run / LIVE
-        self._known: tuple[Ground, tuple[Flight, ...]] | None = None
+        self._known: tuple[int, Ground, tuple[Flight, ...]] | None = None
 
     def now(self, view: RunView) -> dict[str, bytes]:
         """Events by uid: each drone where it took the newest picture that somebody has looked at; none without files.
@@ -32,12 +32,13 @@ class DroneEvents:
             return {}
         try:
             newest_ns: dict[str, Any] = json.loads((self._folder / REDUCER).read_bytes())["newest_ns"]
-            if self._known is None:
+            stamp = (self._folder / POSES).stat().st_mtime_ns
+            if self._known is None or self._known[0] != stamp:
                 ground = Ground.decoded((self._folder / GROUND).read_bytes())
-                self._known = ground, decoded((self._folder / POSES).read_bytes())
+                self._known = stamp, ground, decoded((self._folder / POSES).read_bytes())
         except (OSError, ValueError, KeyError, TypeError):
             return {}
-        ground, flights = self._known
+        _, ground, flights = self._known
         events = {}
         for flight in flights:
             if flight.stream not in newest_ns or not len(flight.times_s):

@@ -35,10 +35,12 @@ from pipeline.mission.controller.orders import Expect, Finish, Order, Restart, R
 from pipeline.mission.controller.state import REDUCER, machine_actor, source_actor
 from pipeline.mission.flown import Flown
 from pipeline.mission.ledger import with_heard
+from pipeline.mission.live_files import LiveWays
 from pipeline.mission.local import FinishedRun, source_params
 from pipeline.mission.run_journal import RunJournal
 from pipeline.mission.stages.radio_link import RadioParams
 from pipeline.mission.stages.source import StreamInput
+from pipeline.outputs.live_names import LIVE
 
 
 @dataclass(frozen=True)
@@ -96,6 +98,7 @@ class LiveWiring(Wiring):
         self._all_planned = False
         self._finish_ordered = False
         self._healths, self._ways = StreamHealths(), dict[str, list[FloatArray]]()
+        self._live_ways = LiveWays(journal.folder.parent / LIVE, self._prepared)
         self._record = LiveRecord.of(self._prepared, journal.folder.parent, time.monotonic())
         self._controller.begin(plan, self._record, time.monotonic())
         self._begin_reducer(0)
@@ -197,6 +200,7 @@ class LiveWiring(Wiring):
             assignments=tuple(record.ran.values()),
             lost=[actor for actor, peer in self._peers.items() if peer.due_s == float("inf")],
         )
+        self._live_ways.write_if_due(lambda: Flown(self._ways_so_far(), self._reached_s()), time.monotonic())
 
     def _newest(self, before: Snapshot) -> Snapshot:
         def of(kind: str, names: Any) -> dict[str, Any]:
@@ -386,7 +390,12 @@ class LiveWiring(Wiring):
                 with suppress(SearchlightError):
                     rest = get(self._sources[stream.stream].way.remote(), stream.stream, LAST_WORD_S)
                     self._ways.setdefault(stream.stream, []).append(rest)
-        return {stream: np.concatenate(rows) for stream, rows in self._ways.items()}
+        return self._ways_so_far()
+
+    def _ways_so_far(self) -> dict[str, FloatArray]:
+        for stream, rows in self._ways.items():
+            self._ways[stream] = [np.concatenate(rows)]
+        return {stream: rows[0] for stream, rows in self._ways.items()}
 
     def _reached_s(self) -> dict[str, float]:
         return {stream: source.reached_s for stream, source in self._snapshot.sources.items()}

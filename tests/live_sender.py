@@ -8,8 +8,10 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from fractions import Fraction
 from pathlib import Path
@@ -174,6 +176,38 @@ def send(order: Order) -> None:
         packet.is_keyframe = one.key
         out.mux(packet)
     out.close()
+
+
+@contextmanager
+def rtsp_server(video: Path, track: Path, user: str, password: str) -> Iterator[str]:
+    """tstrans' server on loopback, which sends a recording's first picture with KLV; its address without the scheme."""
+    from tstrans import mpegts, rtp
+
+    auth = rtp.BasicAuth(user, password, realm="drone")
+    server = rtp.RtspServer.start(rtp.RtspServerConfig(bind_addr="127.0.0.1:0", auth=auth))
+    program = mpegts.MuxerProgramConfigBuilder(1, 0x100).add_video(0x101, mpegts.VideoCodec.H264)
+    kind = mpegts.KlvStreamType.PRIVATE_DATA
+    program = program.add_klv(0x102, kind, carries_pts=True).pcr_pid(0x101)
+    mount, stop = server.add_unicast_mount("/live", program.build()), threading.Event()
+    held = Order("", video=str(video), track=str(track), hold="/never")
+
+    def push() -> None:
+        begun_s, begun_utc_s, due_s = time.monotonic(), time.time(), 0.0
+        for one in _recorded(held):
+            if stop.wait(max(0.0, begun_s + one.sent_s - time.monotonic())):
+                return
+            pts = mpegts.Pts90khz(90_000 + round(one.at_s * 90_000))
+            mount.push_video(one.data, pts=pts, key_frame=one.key)
+            if one.sent_s >= due_s:
+                due_s += 0.1
+                mount.push_klv(_klv(held, 0.0, begun_utc_s + one.sent_s), pts=pts)
+
+    threading.Thread(target=push, daemon=True).start()
+    try:
+        yield str(server.local_addr())
+    finally:
+        stop.set()
+        server.cancel_handle().cancel()
 
 
 class _nothing:  # noqa: N801

@@ -11,7 +11,7 @@ import copy
 import json
 import shutil
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from datetime import UTC, datetime
 from pathlib import Path
@@ -26,6 +26,7 @@ from pipeline.fusion.voxel_map import VoxelMap
 from pipeline.geo.search_area import load_search_area
 from pipeline.ingest.video.recordings import Recordings
 from pipeline.logs import Log
+from pipeline.mission.flown import Flown, as_flown
 from pipeline.mission.prepared import PreparedMission
 from pipeline.mission.stages.reducer import ReducerStage
 from pipeline.mission.stages.source import StreamInput
@@ -45,6 +46,8 @@ PERIOD_S = 1.0
 SHARE = 0.1
 #: poses a second that are kept of a flight, at most
 POSES_HZ = 5.0
+#: while a live mission flies, poses of each drone's way so far, at most; and between two writings, seconds
+MOST_LIVE_POSES, WAYS_S = 1000, 2.0
 #: tiles of a map that is shown while it grows: 2 GiB of voxels
 MOST_TILES = 1024
 _LOG = Log("mission")
@@ -53,7 +56,7 @@ _LOG = Log("mission")
 def write_flight(folder: Path, prepared: PreparedMission) -> None:
     """Write what is known before the first picture: the ground, and where the cameras are when."""
     write_ground(folder, prepared)
-    write_bytes(folder / POSES, encoded([_flight(prepared, s) for s in prepared.streams]))
+    write_bytes(folder / POSES, encoded([_flight(prepared, s, POSES_HZ) for s in prepared.streams]))
 
 
 def write_ground(folder: Path, prepared: PreparedMission) -> None:
@@ -66,8 +69,27 @@ def write_ground(folder: Path, prepared: PreparedMission) -> None:
     write_bytes(folder / GROUND, ground_of(prepared.terrain, area).encoded())
 
 
-def _flight(prepared: PreparedMission, stream: StreamInput) -> Flight:
-    rate_hz = min(POSES_HZ, stream.processing_rate_hz)
+class LiveWays:
+    """Where the drones of a live mission have flown so far, written now and then. folder: ``live/``."""
+
+    def __init__(self, folder: Path, prepared: PreparedMission) -> None:
+        self._folder, self._prepared, self._due_s = folder, prepared, 0.0
+
+    def write_if_due(self, flown: Callable[[], Flown], now_s: float) -> None:
+        """A disk that does not take it is said in the log: it is not worth a run."""
+        if not self._prepared.mission.is_live or now_s < self._due_s or not self._folder.is_dir():
+            return
+        self._due_s = now_s + WAYS_S
+        over = as_flown(self._prepared, flown())
+        rate_hz = min(POSES_HZ, MOST_LIVE_POSES / max(s.end_s for s in over.streams))
+        try:
+            write_bytes(self._folder / POSES, encoded([_flight(over, s, rate_hz) for s in over.streams]))
+        except OSError as error:
+            _LOG.warning("live view not written", error=str(error))
+
+
+def _flight(prepared: PreparedMission, stream: StreamInput, most_hz: float) -> Flight:
+    rate_hz = min(most_hz, stream.processing_rate_hz)
     times = np.arange(stream.video.start_s, stream.end_s, 1.0 / rate_hz)
     poses = [(float(t), pose) for t in times if (pose := stream.trajectory.pose(float(t))) is not None]
     source = stream.source

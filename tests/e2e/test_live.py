@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -13,7 +15,7 @@ import yaml
 
 from pipeline.mission.operator import ask
 from tests.dialects.demo import DEMO, ROOT, STREAMS, mission_with
-from tests.live_sender import Order, start
+from tests.live_sender import Order, rtsp_server, start
 from tests.unit.ingest.live_streams import free_port
 
 pytestmark = [pytest.mark.slow, pytest.mark.ray, pytest.mark.timeout(400)]
@@ -71,12 +73,58 @@ def test_drones_that_fly_now_give_the_map_of_their_recordings(tmp_path: Path) ->
     assert summary["partial"] is None
 
 
-def _wait_until_it_films(run: subprocess.Popen[str], out: Path) -> None:
+def test_a_password_is_in_no_file_of_a_run_in_no_log_and_in_no_list_of_processes(tmp_path: Path) -> None:
+    with rtsp_server(DEMO / "drone-1.mp4", DEMO / "drone-1.srt", "pilot", "Ge7heim5wort") as place:
+        url = f"rtsp://pilot:Ge7heim5wort@{place}/live"
+        path = mission_with(
+            tmp_path, {"drone-1": {"file": url, "height_datum": "ellipsoid"}, "drone-2": None}
+        )
+        mission = yaml.safe_load(path.read_text(encoding="utf-8"))
+        mission["streams"] = [mission["streams"][0] | {"video": url}]
+        inventory = yaml.safe_load(Path(mission["inventory"]).read_text(encoding="utf-8"))
+        inventory["links"] = inventory["links"][:1]
+        (tmp_path / "inventory.yaml").write_text(yaml.safe_dump(inventory), encoding="utf-8")
+        path.write_text(yaml.safe_dump(mission | {"inventory": "inventory.yaml"}), encoding="utf-8")
+        out = tmp_path / "run"
+        command = [sys.executable, "-m", "actors", "run", str(path), "--out", str(out)]
+        run = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        try:
+            _wait_until_it_films(run, out, 1)
+            time.sleep(4.0)
+            seen = [*_files_with(b"Ge7heim5wort", tmp_path), *_processes_with(b"Ge7heim5wort")]
+            ask(out, "stop", None)
+            said, _ = run.communicate(timeout=120)
+        finally:
+            run.kill()
+    assert run.returncode == 0, said
+    assert [*seen, *_files_with(b"Ge7heim5wort", tmp_path)] == [path, path]
+    assert "Ge7heim5wort" not in said
+    assert _files_with(b"rtsp://pilot:***@", tmp_path), "its address is there, without it"
+
+
+def _files_with(word: bytes, folder: Path) -> list[Path]:
+    return [p for p in sorted(folder.rglob("*")) if p.is_file() and word in _content(p)]
+
+
+def _content(path: Path) -> bytes:
+    data = path.read_bytes()
+    return gzip.decompress(data) if path.suffix == ".gz" and path.name.startswith("controller") else data
+
+
+def _processes_with(word: bytes) -> list[Path]:
+    found = []
+    for path in Path("/proc").glob("[0-9]*/cmdline"):
+        with suppress(OSError):
+            found += [path] if word in path.read_bytes() else []
+    return found
+
+
+def _wait_until_it_films(run: subprocess.Popen[str], out: Path, streams: int = 2) -> None:
     until_s = time.monotonic() + 120.0
     while time.monotonic() < until_s and run.poll() is None:
         for log in out.parent.glob(f".{out.name}.*.log.part"):
             lines = log.read_text(encoding="utf-8").splitlines()
-            if sum('"event": "flows"' in line for line in lines) == len(STREAMS):
+            if sum('"event": "flows"' in line for line in lines) == streams:
                 return
         time.sleep(0.2)
     raise AssertionError(run.communicate(timeout=10)[0])

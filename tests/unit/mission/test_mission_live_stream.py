@@ -19,7 +19,7 @@ from pipeline.ingest.live.source import LiveSource
 from pipeline.messages import Packet
 from pipeline.mission.flown import Flown, as_flown
 from pipeline.mission.fuse import fuse
-from pipeline.mission.live_files import write_flight
+from pipeline.mission.live_files import LiveWays, write_flight
 from pipeline.mission.noticed import noticed
 from pipeline.mission.one_picture import push_one_picture
 from pipeline.mission.own_detections import OwnDetector
@@ -27,6 +27,8 @@ from pipeline.mission.planning import plan
 from pipeline.mission.prepared import PreparedMission, prepare
 from pipeline.mission.stages.source import SourceStage
 from pipeline.mission.stages.virtual_link import VirtualLink
+from pipeline.view.files import POSES
+from pipeline.view.poses import decoded
 from tests.dialects.demo import DEMO, mission_with, true_track
 from tests.live_sender import Order, start
 from tests.unit.ingest.live_streams import free_port
@@ -135,6 +137,16 @@ def test_once_it_is_over_it_is_as_a_recording(prepared: PreparedMission, tmp_pat
     assert over.end_s == pytest.approx(3.1, abs=0.02)
     assert len(over.known_way.times_s) == 2 * len(way.times_s)
     write_flight(tmp_path, flown)
+    (whole,) = decoded((tmp_path / POSES).read_bytes())
+    ways, told = LiveWays(tmp_path, prepared), Flown({stream.stream: rows}, {stream.stream: 1.0})
+    ways.write_if_due(lambda: told, 0.0)
+    (so_far,) = decoded((tmp_path / POSES).read_bytes())
+    assert 1 < len(so_far.times_s) < len(whole.times_s) + 2
+    told = Flown({stream.stream: np.concatenate([rows, later])}, {stream.stream: 3.0})
+    ways.write_if_due(lambda: told, 1.0)
+    assert len(decoded((tmp_path / POSES).read_bytes())[0].times_s) == len(so_far.times_s), "not due"
+    ways.write_if_due(lambda: told, 2.5)
+    assert len(decoded((tmp_path / POSES).read_bytes())[0].times_s) == len(whole.times_s)
     nothing = as_flown(prepared, Flown())
     assert nothing.streams[0].known_way.times_s == pytest.approx(way.times_s)
 
