@@ -83,30 +83,14 @@ def check(
     mission: Annotated[
         Path | None, typer.Argument(help="The mission file (YAML), or its folder; absent: the only one here.")
     ] = None,
+    address: Annotated[
+        str | None, typer.Option(help="A running Ray cluster: files are looked at on its nodes.")
+    ] = None,
 ) -> None:
     """Find everything that would keep a mission from running, without running it."""
-    from pipeline.mission.find_mission import find_mission
-    from pipeline.mission.noticed import noticed
-    from pipeline.mission.prepared import prepare
+    from actors.commands.check import check_mission
 
-    mission = find_mission(mission)
-    prepared = noticed(prepare(mission))
-    # only now: the solver takes 50 MB, which the decoders of large videos have given back by then
-    from pipeline.mission.one_picture import push_one_picture
-    from pipeline.mission.people_in_networks import check_networks, people_in_networks
-    from pipeline.mission.planning import plan
-
-    result = plan(prepared)
-    found = (*push_one_picture(prepared, result), *check_networks(prepared, result))
-    for finding in (*prepared.findings, *found):
-        _say(str(finding))
-    for person in people_in_networks(prepared, result):
-        _say(f"{person.stream}: {person.sentence}")
-    for a in result.assignments:
-        rate_hz = prepared.mission.processing.frame_rate / a.period
-        _say(f"planned: {a.stream}: {a.pool_detector} looks at {rate_hz:g} pictures a second, on {a.machine}")
-    streams = "1 stream" if len(prepared.streams) == 1 else f"{len(prepared.streams)} streams"
-    _say(f"{mission}: usable; {streams}; plan: {result.status}, objective {result.objective:.4g}")
+    check_mission(mission, address)
 
 
 @app.command()

@@ -128,7 +128,7 @@ class LiveWiring(Wiring):
         told_key = handle.public_key.remote()
         with_model = {d.id: d for d in self._prepared.pool.detectors if d.model is not None}
         reducer, layers = self._peers[REDUCER].reached, self._prepared.layers
-        endpoint = handle.begin.remote(with_model, reducer, layers, incarnation)
+        endpoint = handle.begin.remote(with_model, reducer, layers, incarnation, self._models)
         self._machines[name] = handle
         self._peers[machine_actor(name)] = _Peer(handle, incarnation, endpoint=endpoint, told_key=told_key)
         self._tell_keys()

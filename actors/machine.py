@@ -8,6 +8,7 @@ import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
+from actors.nodes import Offer
 from actors.site import own_host
 from pipeline.allocation.plan import Assignment
 from pipeline.clock import Clock
@@ -88,6 +89,7 @@ class MachineActor:
             name=f"machine {machine}",
         )
         self._peers: dict[bytes, str] = {}
+        self._models = Offer()
 
     def public_key(self) -> bytes:
         """By which everybody knows it."""
@@ -105,11 +107,13 @@ class MachineActor:
         detectors: Mapping[str, PoolDetector],
         reducer: Endpoint,
         layers: Mapping[str, int] = PERSONS,
+        models: Offer | None = None,
     ) -> Endpoint:
         """Load the pool's detectors and begin to listen (pace max); the endpoint for the substreams' packets.
 
-        layers: ids of the map's layers by name.
+        layers: ids of the map's layers by name. models: that are fetched where this node lacks them.
         """
+        self._models = models or self._models
         self._results.connect(_RESULTS, reducer)
         self._stage = self._new_stage(detectors, layers, self._answer, drops=False)
         self._stage.run(Run(self._machine, tuple(Opened(0, a) for a in assignments)))
@@ -138,6 +142,7 @@ class MachineActor:
     def _opened(self, assignment: Assignment, detector: PoolDetector, layers: Mapping[str, int]) -> Detector:
         """Raises InputError, with the machine's name, for what cannot be had here, such as CUDA."""
         try:
+            detector = self._models.on_this_node(detector)
             row = as_sent(detector, assignment.codec or self._codec, assignment.bitrate_bps)
             return open_pool_detector(row, layers, assignment.setup)
         except InputError as error:
@@ -150,12 +155,14 @@ class MachineActor:
         reducer: Endpoint,
         layers: Mapping[str, int] = PERSONS,
         incarnation: int = 0,
+        models: Offer | None = None,
     ) -> Endpoint:
-        """Hold nothing yet, and listen (real time); the endpoint for packets. detectors: of the pool, by id.
+        """Hold nothing yet, and listen (real time); the endpoint for packets. detectors: of the pool, by id. models: as
+        in start.
 
         Results are kept until they are acknowledged: a reducer that is lost is sent them again when it is back.
         """
-        self._incarnation = incarnation
+        self._incarnation, self._models = incarnation, models or self._models
         self._kept = KeptResults()
         self._stage = self._new_stage(detectors, layers, self._keep_and_answer, drops=True)
         endpoint = self._listen(self._stage)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 
 from actors.cluster import cluster
 from actors.live import LiveWiring
@@ -32,14 +32,16 @@ def run_on_ray(
 ) -> FinishedRun:
     """Plan and run. progress(stream, frames done, frames in all); say(one line) for each phase.
 
-    begin: the run's journal, once there is a plan. stop: asked all the while. plan: of a run that goes on.
+    A cluster is joined already (``nodes.joined``). begin: the run's journal, once there is a plan. stop: asked all the
+    while. plan: of a run that goes on.
     """
     with _metrics(options, say) as collector:
         _LOG.event("ray", address=options.address or "started here", pace=options.pace)
-        say("starting Ray" if options.address is None else f"joining Ray at {options.address}")
         sites = [site.id for site in prepared.inventory.sites]
+        if options.address is None:
+            say("starting Ray")
         with (
-            cluster(options.address, sites, stop),
+            cluster(None, sites, stop) if options.address is None else nullcontext(),
             wiring_of(options)(prepared, options, stop) as wiring,
         ):
             if plan is None:

@@ -7,12 +7,14 @@ import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 from actors.calls import NoAnswerError, get, kill, named, remote, remote_here
 from actors.live_status import LiveStatus
 from actors.machine import MachineActor
 from actors.metrics import RunCollector, Snapshot
+from actors.nodes import Offer, offered
 from actors.reducer import ReducerActor
 from actors.scheduler import SchedulerActor
 from actors.source import Pace, SourceActor
@@ -63,6 +65,11 @@ class Wiring:
 
     def __enter__(self) -> Wiring:
         return self
+
+    @cached_property
+    def _models(self) -> Offer:
+        """What nodes of a cluster may lack; a node of our own has what we have."""
+        return Offer() if self._options.address is None else offered(self._prepared.pool.detectors)
 
     def __exit__(self, *_: object) -> None:
         """On a cluster that goes on without us nothing of ours may stay."""
@@ -155,7 +162,7 @@ class Wiring:
         given = {m: tuple(a for a in plan.assignments if a.machine == m) for m in self._machines}
         used = {a.pool_detector: self._prepared.runnable(a.pool_detector) for a in plan.assignments}
         started = {
-            m: actor.start.remote(given[m], used, reducer, self._prepared.layers)
+            m: actor.start.remote(given[m], used, reducer, self._prepared.layers, self._models)
             for m, actor in self._machines.items()
         }
         return {a.detector: get(started[a.machine], f"machine {a.machine}") for a in plan.assignments}

@@ -7,7 +7,7 @@ import secrets
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -57,15 +57,19 @@ class Hosts:
         command = self.on(drone, "tc", "qdisc", "del", "dev", "eth0", "root")
         subprocess.run(command, check=False, capture_output=True)
 
-    def start_node(self, host: str) -> None:
-        """Join a Ray node, as a team would: deployments/ray-node.sh."""
+    def start_node(self, host: str, shown: Mapping[Path, Path] | None = None, **variables: str) -> None:
+        """Join a Ray node, as a team would: deployments/ray-node.sh. shown: folders that only this host sees in the
+        place of others: path -> what is there. variables: of its environment.
+        """
+        binds = "".join(f"mount --bind '{real}' '{path}' && " for path, real in (shown or {}).items())
         address, sites = HOSTS[host]
         head = ["--head", f"--port={PORT}"] if host == "g" else [f"--address={HOSTS['g'][0]}:{PORT}"]
         command = ["deployments/ray-node.sh", *head, f"--node-ip-address={address}", "--num-cpus=2"]
+        # what ip runs has a mount namespace of its own
         subprocess.run(
-            self.on(host, *command, "--object-store-memory=100000000"),
+            self.on(host, "sh", "-c", f'{binds}exec "$@"', "sh", *command, "--object-store-memory=100000000"),
             cwd=ROOT,
-            env=self.environment | {"SEARCHLIGHT_SITES": sites},
+            env=self.environment | {"SEARCHLIGHT_SITES": sites} | variables,
             check=True,
             capture_output=True,
             timeout=120,
@@ -85,8 +89,12 @@ class Hosts:
 
 
 @contextmanager
-def three_hosts(tag: str = "slt") -> Iterator[Hosts]:
-    """The hosts with their nodes; afterwards nothing of them is left."""
+def three_hosts(
+    tag: str = "slt",
+    shown: Mapping[str, Mapping[Path, Path]] | None = None,
+    variables: Mapping[str, Mapping[str, str]] | None = None,
+) -> Iterator[Hosts]:
+    """The hosts with their nodes; afterwards nothing of them is left. shown, variables: by host, see start_node."""
     environment = os.environ | {
         "RAY_AUTH_MODE": "token",
         "RAY_AUTH_TOKEN": secrets.token_hex(32),
@@ -98,7 +106,7 @@ def three_hosts(tag: str = "slt") -> Iterator[Hosts]:
     try:
         _wire(hosts)
         for host in HOSTS:
-            hosts.start_node(host)
+            hosts.start_node(host, (shown or {}).get(host), **(variables or {}).get(host, {}))
         yield hosts
     finally:
         _end(hosts)

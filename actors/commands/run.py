@@ -12,6 +12,7 @@ from pathlib import Path
 
 from actors.commands.people import print_people
 from actors.mission import run_on_ray
+from actors.nodes import joined
 from actors.signals import stopped_by_signals
 from actors.source import Pace
 from actors.terminal import progress_bars, say
@@ -26,6 +27,7 @@ from pipeline.mission.find_mission import find_mission
 from pipeline.mission.flown import as_flown
 from pipeline.mission.live_files import begin_live, end_live
 from pipeline.mission.local import FinishedRun, run_local
+from pipeline.mission.near_files import Near, here
 from pipeline.mission.noticed import noticed
 from pipeline.mission.onto import read_earlier_run
 from pipeline.mission.planning import plan as plan_mission
@@ -75,16 +77,23 @@ def run_mission(request: RunRequest) -> int:
         onto = request.onto if record is None else record.onto
         earlier = None if onto is None else read_earlier_run(Path(onto))
         request = _as_it_flies(request, mission)
-        prepared = noticed(prepare(mission, earlier))
-        begun = _Begun(request, prepared, out, record)
-        try:
-            finished = _run(request, prepared, begun, record, stop, out)
-        except BaseException:
-            begun.forget()
-            raise
-        summary = write_run_directory(as_flown(prepared, finished.flown), finished, out)
-        begun.published(finished.partial is None)
+        os.environ[FOLDER_VARIABLE] = str(out.absolute() / ACTOR_LOGS)
+        with joined(mission, request.address, stop) as near:
+            prepared = noticed(prepare(_as_seen_from(near, mission), earlier, near), near)
+            begun = _Begun(request, prepared, out, record)
+            try:
+                finished = _run(request, prepared, begun, record, stop, out)
+            except BaseException:
+                begun.forget()
+                raise
+            summary = write_run_directory(as_flown(prepared, finished.flown), finished, out, near)
+            begun.published(finished.partial is None)
     return _said(summary, finished, out, stop)
+
+
+def _as_seen_from(near: Near, mission: Path) -> Path:
+    """On other nodes there is no folder that we are in."""
+    return mission if near is here else mission.absolute()
 
 
 def _as_it_flies(request: RunRequest, mission: Path) -> RunRequest:
@@ -175,7 +184,6 @@ def _run(
         if request.local or (record is not None and record.pace == "local"):
             plan = plan or plan_mission(prepared)
             return run_local(prepared, plan, progress, begin(plan), stop)
-        os.environ[FOLDER_VARIABLE] = str(out.absolute() / ACTOR_LOGS)
         pace = request.pace if record is None else "max"  # no other can go on
         options = RunOptions(pace, request.address, request.metrics_port, request.metrics_host)
         return run_on_ray(prepared, options, progress, say, begin, stop, plan)

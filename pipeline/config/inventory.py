@@ -34,12 +34,14 @@ class Machine(Strict):
 
 
 class Site(Strict):
-    """A place with machines: a drone, a ground station, a data centre."""
+    """A place with machines, or a drone that only films: a drone, a ground station, a data centre."""
 
     id: str = Field(pattern=r"^[A-Za-z0-9_.-]+$")
     """Letters, digits, `_`, `.`, `-`. Example: `ground`."""
-    machines: tuple[Machine, ...] = Field(min_length=1)
-    """One or more."""
+    machines: tuple[Machine, ...] = ()
+    """What looks at pictures there. Absent: nothing; it only films. Example: `[{id: ground-pc, type: workstation,
+    memory: {gigabytes: 8}}]`.
+    """
 
 
 class Link(Strict):
@@ -70,6 +72,8 @@ class Inventory(Strict):
         refuse_repeated("site", [site.id for site in self.sites], at="sites")
         refuse_repeated("link", [f"{link.stream} -> {link.site}" for link in self.links], at="links")
         self._refuse_repeated_machines()
+        if not any(site.machines for site in self.sites):
+            raise mismatch("no machine at any site", "one at least, to look at the pictures", ("sites",))
         sites = [site.id for site in self.sites]
         for number, link in enumerate(self.links):
             if link.site not in sites:

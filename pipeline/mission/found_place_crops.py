@@ -9,14 +9,18 @@ from dataclasses import dataclass, field
 import numpy as np
 from matplotlib import image as matplotlib_image
 
+from pipeline.errors import SearchlightError, in_one_line
 from pipeline.fusion.look import Look
 from pipeline.fusion.salient import SalientLocation
 from pipeline.geo.camera import Camera
 from pipeline.ingest.in_file import InFile, in_file
+from pipeline.logs import Log
 from pipeline.messages import FloatArray
+from pipeline.mission.near_files import Near, here
 from pipeline.mission.prepared import PreparedMission
 from pipeline.mission.stages.source import StreamInput
 
+_LOG = Log("mission")
 HALF_SIZE_PX = 72
 #: what ``Look.order`` is
 Order = tuple[int, str, str, int]
@@ -32,8 +36,13 @@ class Crop:
     at: InFile | None = None
 
 
-def found_place_crops(prepared: PreparedMission, locations: Sequence[SalientLocation]) -> list[Crop]:
+def found_place_crops(
+    prepared: PreparedMission, locations: Sequence[SalientLocation], near: Near = here
+) -> list[Crop]:
     """One for every place that has a sighting in the mission's streams, cut from the video, by place.
+
+    near: cuts them where the videos are. The map is worth more than its pictures: those of a drone that is gone are
+    left out, and the log says so.
 
     Places that only earlier flights have seen keep the picture of then.
     """
@@ -42,11 +51,22 @@ def found_place_crops(prepared: PreparedMission, locations: Sequence[SalientLoca
     pictures: list[Crop] = []
     for stream in prepared.streams:
         mine = {place: look for place, look in chosen.items() if look.stream == stream.stream}
-        pictures += _cut(stream, prepared.cameras[stream.stream], mine)
+        if mine:
+            pictures += _cut_near(stream, prepared.cameras[stream.stream], mine, near)
     if prepared.onto is not None:
         left = [place for place in locations if place.id not in {crop.place for crop in pictures}]
         pictures += _kept(left, prepared.onto.crops)
     return sorted(pictures, key=lambda crop: crop.place)
+
+
+def _cut_near(stream: StreamInput, camera: Camera, looks: dict[int, Look], near: Near) -> list[Crop]:
+    if near is here:
+        return _cut(stream, camera, looks)
+    try:
+        return near(stream.site, _cut, stream, camera, looks)
+    except SearchlightError as error:
+        _LOG.warning("no pictures of places", stream=stream.stream, error=in_one_line(error))
+        return []
 
 
 def _kept(places: Sequence[SalientLocation], crops: Mapping[Order, bytes]) -> list[Crop]:

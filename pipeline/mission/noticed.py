@@ -25,6 +25,7 @@ from pipeline.ingest.checks.track_checks import (
 from pipeline.ingest.finding import Finding
 from pipeline.ingest.track import Track
 from pipeline.mission.memory import give_back
+from pipeline.mission.near_files import Near, here
 from pipeline.mission.prepared import PreparedMission
 from pipeline.mission.proportions import check_proportions
 from pipeline.mission.stages.source import StreamInput
@@ -36,10 +37,12 @@ _METERS_PER_DEGREE = 111_320.0
 _SLOWEST_S = 2.5
 
 
-def noticed(prepared: PreparedMission) -> PreparedMission:
-    """The mission, with what the checks found beside what was found in reading it."""
+def noticed(prepared: PreparedMission, near: Near = here) -> PreparedMission:
+    """The mission, with what the checks found beside what was found in reading it. near: decodes videos where they
+    are.
+    """
     # of a live stream there are no pictures to compare yet
-    of_motion = [] if prepared.mission.is_live else _of_motion(prepared)
+    of_motion = [] if prepared.mission.is_live else _of_motion(prepared, near)
     found = (*_of_samples(prepared), *of_motion, *check_proportions(prepared))
     return replace(prepared, findings=(*prepared.findings, *found))
 
@@ -61,10 +64,10 @@ def _of_samples(prepared: PreparedMission) -> list[Finding]:
     return findings
 
 
-def _of_motion(prepared: PreparedMission) -> list[Finding]:
+def _of_motion(prepared: PreparedMission, near: Near) -> list[Finding]:
     """What the pictures' motion says, of streams of which the ground that they share does not say more."""
     params = MotionCheckParams()
-    motions = _motions(prepared)
+    motions = _motions(prepared, near)
     ground = _shared_ground(prepared, motions)
     findings = list(ground.findings)
     for stream, config in zip(prepared.streams, prepared.mission.streams, strict=True):
@@ -107,7 +110,7 @@ def _predictor(
     return Predictor(motions[video], telemetry.known_way, prepared.cameras[video], prepared.terrain)
 
 
-def _motions(prepared: PreparedMission) -> dict[str, Motion]:
+def _motions(prepared: PreparedMission, near: Near) -> dict[str, Motion]:
     """The motion in the pictures of each stream whose telemetry it can be compared with; decoded beside each other."""
     streams = [s for s in prepared.streams if not too_coarse(prepared.tracks[s.stream])]
     cores = prepared.mission.processing.decoding_threads or os.cpu_count() or 1
@@ -118,7 +121,8 @@ def _motions(prepared: PreparedMission) -> dict[str, Motion]:
     def motion(stream: StreamInput) -> Motion:
         camera = prepared.cameras[stream.stream]
         size = (camera.width, camera.height)
-        return picture_motion(stream.path, stream.end_s, size, params, max(1, cores // together))
+        threads = max(1, cores // together)
+        return near(stream.site, picture_motion, stream.path, stream.end_s, size, params, threads)
 
     give_back()  # of the telemetry's texts
     with ThreadPoolExecutor(together) as pool:

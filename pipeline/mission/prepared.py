@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -38,6 +38,7 @@ from pipeline.mission.clocks import settled
 from pipeline.mission.detectors import layers_of, look_at_detectors
 from pipeline.mission.faults import Faults
 from pipeline.mission.live_stream import LiveRecording, read_live
+from pipeline.mission.near_files import Near, here
 from pipeline.mission.onto import EarlierRun, joined, require_continues, require_fits
 from pipeline.mission.recording import Recording, open_source, read_recording
 from pipeline.mission.sent_size import as_sent
@@ -120,8 +121,10 @@ class PreparedMission:
         return detector
 
 
-def prepare(path: Path, onto: EarlierRun | None = None) -> PreparedMission:
+def prepare(path: Path, onto: EarlierRun | None = None, near: Near = here) -> PreparedMission:
     """Read and check a mission; of a video its index and a few pictures. onto: the run whose map is to go on.
+
+    near: reads what a stream names where that is; all else is read here.
 
     Raises InputError, or SeveralInputsError with every independent fault, for what cannot be used.
     """
@@ -136,11 +139,11 @@ def prepare(path: Path, onto: EarlierRun | None = None) -> PreparedMission:
     with faults.collected():
         for codec in (mission.processing.codec, *mission.processing.codecs):
             require_codec(codec)
-    filmed = read_filmed(path, mission, faults, onto)
+    filmed = read_filmed(path, mission, faults, onto, near)
     mission, terrain, cameras, streams = filmed.mission, filmed.terrain, filmed.cameras, filmed.streams
     streams = tuple(replace(s, source=as_sent(s.source, look.picture_sizes.values())) for s in streams)
-    files = [file for s in streams for file in s.source.paths or (s.path,)]
-    unfit = simulated_only(look.simulated, files)
+    files = [(s.site, file) for s in streams for file in s.source.paths or (s.path,)]
+    unfit = simulated_only(look.simulated, files, near)
     own_site = {s.id: s.site for s in mission.streams}
     person_px = {}
     if mission.processing.expected_size:
@@ -188,12 +191,14 @@ def _log(filmed: Filmed) -> None:
         log(finding.cause, where=finding.where, found=finding.found)
 
 
-def read_filmed(path: Path, mission: Mission, faults: Faults, onto: EarlierRun | None = None) -> Filmed:
+def read_filmed(
+    path: Path, mission: Mission, faults: Faults, onto: EarlierRun | None = None, near: Near = here
+) -> Filmed:
     """What was filmed, and over which ground. Raises what ``faults`` has collected before and here.
 
     onto: a run whose map is to hold it: in its frame, on a terrain that holds both.
     """
-    recordings = _recordings(path, mission, faults)
+    recordings = _recordings(path, mission, faults, near)
     tracks = [r.track for r in recordings]
     with faults.collected():
         _require_axes(mission, recordings)  # before ground is looked for between them
@@ -220,10 +225,12 @@ def read_filmed(path: Path, mission: Mission, faults: Faults, onto: EarlierRun |
     return Filmed(mission, terrain, cameras, streams, tuple(findings), left_out, by_stream, ground.heights)
 
 
-def _recordings(path: Path, mission: Mission, faults: Faults) -> Sequence[Recording | LiveRecording]:
+def _recordings(
+    path: Path, mission: Mission, faults: Faults, near: Near
+) -> Sequence[Recording | LiveRecording]:
     """Of all streams. The next video is opened and probed, outside of Python, while telemetry is read."""
-    if mission.is_live:
-        return _live_recordings(path, mission, faults)
+    if mission.is_live or near is not here:
+        return _recordings_at_once(path, mission, faults, near)
     recordings = []
     with ThreadPoolExecutor(1) as pool:
         opening = [pool.submit(open_source, mission, stream) for stream in mission.streams]
@@ -233,10 +240,13 @@ def _recordings(path: Path, mission: Mission, faults: Faults) -> Sequence[Record
     return recordings
 
 
-def _live_recordings(path: Path, mission: Mission, faults: Faults) -> list[LiveRecording]:
-    """All are waited for at once."""
+def _recordings_at_once(
+    path: Path, mission: Mission, faults: Faults, near: Near
+) -> list[Recording | LiveRecording]:
+    """All are waited for at once, each where its files are."""
+    read: Callable[..., Recording | LiveRecording] = read_live if mission.is_live else read_recording
     with ThreadPoolExecutor(len(mission.streams)) as pool:
-        looking = [pool.submit(read_live, path, mission, stream) for stream in mission.streams]
+        looking = [pool.submit(near, stream.site, read, path, mission, stream) for stream in mission.streams]
         recordings = []
         for looked in looking:
             with faults.collected():

@@ -25,6 +25,7 @@ from pipeline.mission.found_place_crops import found_place_crops
 from pipeline.mission.ledger import contradictions, stream_account, substream_counts
 from pipeline.mission.live_files import write_flight
 from pipeline.mission.local import FinishedRun
+from pipeline.mission.near_files import Near, here
 from pipeline.mission.onto import STATE_FILE
 from pipeline.mission.people_in_networks import check_networks
 from pipeline.mission.prepared import PreparedMission
@@ -50,8 +51,8 @@ from pipeline.view.sightings import sightings_json
 _LOG = Log("outputs")
 
 
-def write_run_directory(prepared: PreparedMission, run: FinishedRun, out: Path) -> Summary:
-    """Write the run directory, whole or not at all; the summary that was written."""
+def write_run_directory(prepared: PreparedMission, run: FinishedRun, out: Path, near: Near = here) -> Summary:
+    """Write the run directory, whole or not at all; the summary that was written. near: cuts pictures from videos."""
     if run.search_area is not None:
         prepared = with_search_area(prepared, run.search_area)
     fuser = run.reducer.fuser
@@ -62,7 +63,7 @@ def write_run_directory(prepared: PreparedMission, run: FinishedRun, out: Path) 
     tracks = {s.stream: _track(prepared, s.stream) for s in prepared.streams}
     if prepared.onto is not None:
         tracks |= prepared.onto.tracks
-    crops = found_place_crops(prepared, [*locations, *possible])
+    crops = found_place_crops(prepared, [*locations, *possible], near)
     mission, camera = prepared.mission, prepared.cameras[prepared.streams[0].stream]
     takeoff_m = prepared.streams[0].trajectory.takeoff_m
     second = plan_second_look(

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from pipeline.detection import Detector
 from pipeline.ingest.finding import Finding
+from pipeline.mission.near_files import Near, here
 
 #: what ``searchlight train`` writes into the ONNX file
 TRAINED_ON, SIMULATED = "trained_on", "simulated scenes"
@@ -19,10 +20,15 @@ def knows_simulation_only(detector: Detector) -> bool:
     return found is not None and found.facts.metadata.get(TRAINED_ON) == SIMULATED
 
 
-def simulated_only(detectors: Sequence[str], videos: Sequence[Path]) -> list[Finding]:
-    """One warning if such detectors (their ids) are to look at a video that ``simulate`` did not write."""
-    real = [video for video in videos if not is_simulated(video)]
-    if not detectors or not real:
+def simulated_only(
+    detectors: Sequence[str], videos: Sequence[tuple[str, Path]], near: Near = here
+) -> list[Finding]:
+    """One warning if such detectors (their ids) are to look at a video that ``simulate`` did not write.
+
+    videos: each with the site that it is at.
+    """
+    real = [video for site, video in videos if detectors and not near(site, is_simulated, video)]
+    if not real:
         return []
     names = f"detector{'s' if len(detectors) > 1 else ''} {', '.join(detectors)}"
     found = f"trained on simulated scenes only, and {real[0].name} is not one of simulate's videos"

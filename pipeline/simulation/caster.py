@@ -6,12 +6,21 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from embreex.mesh_construction import TriangleMesh
-from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
+from pipeline.errors import InputError
 from pipeline.messages import FloatArray
 from pipeline.simulation.noise import Float32Array
+
+try:
+    from embreex.mesh_construction import TriangleMesh
+    from embreex.rtcore_scene import EmbreeScene
+except ImportError:  # there is no wheel of it for Linux on Arm
+    raise InputError(
+        "simulate",
+        "a machine without the library that casts rays (embreex)",
+        "a computer with an x86 processor",
+    ) from None
 
 
 @dataclass(frozen=True, eq=False)

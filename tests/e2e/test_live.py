@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import gzip
 import json
 import subprocess
 import sys
 import time
+import zlib
 from contextlib import suppress
 from pathlib import Path
 
@@ -108,7 +108,8 @@ def _files_with(word: bytes, folder: Path) -> list[Path]:
 
 def _content(path: Path) -> bytes:
     data = path.read_bytes()
-    return gzip.decompress(data) if path.suffix == ".gz" and path.name.startswith("controller") else data
+    # of a log that is still written, as far as it is
+    return zlib.decompressobj(zlib.MAX_WBITS | 16).decompress(data) if path.suffix == ".gz" else data
 
 
 def _processes_with(word: bytes) -> list[Path]:

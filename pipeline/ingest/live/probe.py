@@ -9,6 +9,7 @@ from fractions import Fraction
 
 import numpy as np
 from av.video.frame import VideoFrame
+from numpy.typing import NDArray
 
 from pipeline.clock import Clock
 from pipeline.config.live import Live
@@ -36,8 +37,9 @@ _BEAT_S = 0.05
 class Probed:
     """width, height: of the upright pictures. rate_hz: as they came. start_ns: time 0, that of the first picture, UTC.
 
-    first: that picture, upright, RGB. track: the first telemetry, on the stream's clock. basis, refused_s: of the
-    capture times, see CaptureClock. azimuth_reading: what angles in KLV count from; in flight that stays so.
+    first: that picture, upright, uint8 (H, W, 3) RGB. track: the first telemetry, on the stream's clock. basis,
+    refused_s: of the capture times, see CaptureClock. azimuth_reading: what angles in KLV count from; in flight
+    that stays so.
     """
 
     width: int
@@ -45,7 +47,7 @@ class Probed:
     rate_hz: float
     codec: str
     start_ns: int
-    first: VideoFrame
+    first: NDArray[np.uint8]
     track: Track
     basis: Basis
     refused_s: float
@@ -146,7 +148,7 @@ def _probed(
         reason = str(reader.fault) if reader.fault is not None else f"nothing came within {live.wait:g} s"
         raise InputError(f"{where}.video", f"{url}: {reason}", "a stream that is sent now")
     frame, aspect, shown_s = pictures.first
-    image = VideoFrame.from_ndarray(upright_of(frame, aspect).rgb(frame), format="rgb24")
+    image = upright_of(frame, aspect).rgb(frame)
     zero_s = reader.clock.taken_s(shown_s)
     if tracks.newest is None or not tracks.is_enough:
         raise InputError(f"{where}.telemetry", *_no_position(url, telemetry, live, tracks))
@@ -163,7 +165,7 @@ def _probed(
     )
     rate_hz = (pictures.count - 1) / pictures.span_s if pictures.span_s > 0.0 else 1.0
     return Probed(
-        image.width, image.height, rate_hz, pictures.codec, start_ns, image, moved, reader.clock.basis,
+        image.shape[1], image.shape[0], rate_hz, pictures.codec, start_ns, image, moved, reader.clock.basis,
         reader.clock.refused_s,
         reader.azimuth_reading,
     )  # fmt: skip

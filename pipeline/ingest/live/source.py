@@ -52,7 +52,7 @@ class LiveSource:
     sent_size: tuple[int, int]
     start_ns: int
     way: LiveTrajectory
-    first: tuple[float, VideoFrame] | None = None
+    first: tuple[float, NDArray[np.uint8]] | None = None
     incarnation: int = 0
     findings: tuple[Finding, ...] = ()
     _running: _Running = field(default_factory=_Running, repr=False)
@@ -116,8 +116,12 @@ class LiveSource:
     def planes_at(self, times_s: Iterable[float]) -> Iterator[tuple[float, VideoFrame]]:
         """Only the first picture is kept."""
         if self.first is not None and self.first[0] in set(times_s):
-            planes = self.first[1].reformat(*self.sent_size, format="yuv420p", interpolation="AREA")
-            yield self.first[0], planes
+            frame = VideoFrame.from_ndarray(self.first[1], format="rgb24")
+            size = self.sent_size
+            yield (
+                self.first[0],
+                frame.reformat(*size, format="yuv420p", interpolation="AREA", dst_color_range=1),
+            )
 
     def images_at(self, times_s: Iterable[float]) -> Iterator[tuple[float, NDArray[np.uint8]]]:
         """No picture is kept in full size."""

@@ -153,3 +153,13 @@ def test_a_mesh_has_an_origin_on_earth(write: Write) -> None:
     assert origin.latitude == pytest.approx(math.radians(47.5))
     with pytest.raises(InputError, match=r"terrain\.origin\.latitude: found 97\.5 degrees"):
         load_mission(write("mission", "{file: dsm.tif}", mesh.format(97.5)))
+
+
+def test_a_drone_may_only_film_but_somebody_must_look(write: Write) -> None:
+    path = write("inventory")
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text.replace("sites:\n", "sites:\n  - id: drone-1\n"), encoding="utf-8")
+    assert load_inventory(path).sites[0].machines == ()
+    path.write_text("sites:\n  - id: drone-1\n", encoding="utf-8")
+    with pytest.raises(InputError, match="no machine at any site"):
+        load_inventory(path)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import shutil
 import subprocess
 from collections.abc import Iterator
 from dataclasses import replace
@@ -129,19 +130,21 @@ def test_a_live_stream_is_counted_like_any_other(prepared: PreparedMission) -> N
 def test_once_it_is_over_it_is_as_a_recording(prepared: PreparedMission, tmp_path: Path) -> None:
     (stream,) = prepared.streams
     way = stream.known_way
-    rows = np.column_stack([way.times_s, way.positions_enu, way.angles_rad, way.sds, way.focal_scale])
-    later = rows + np.array([60.0, *([0.0] * 10)])
+    one = np.array([0.0, *way.positions_enu[0], *way.angles_rad[0], *way.sds[0], way.focal_scale[0]])
+    rows, later = (
+        one + np.outer(np.arange(a, b) / 10.0, [1.0] * 2 + [0.0] * 9) for a, b in ((0, 10), (10, 30))
+    )
     flown = as_flown(prepared, Flown({stream.stream: np.concatenate([rows, later])}, {stream.stream: 3.0}))
     (over,) = flown.streams
     assert not over.is_live
     assert over.end_s == pytest.approx(3.1, abs=0.02)
-    assert len(over.known_way.times_s) == 2 * len(way.times_s)
+    assert len(over.known_way.times_s) == 30
     write_flight(tmp_path, flown)
     (whole,) = decoded((tmp_path / POSES).read_bytes())
     ways, told = LiveWays(tmp_path, prepared), Flown({stream.stream: rows}, {stream.stream: 1.0})
     ways.write_if_due(lambda: told, 0.0)
     (so_far,) = decoded((tmp_path / POSES).read_bytes())
-    assert 1 < len(so_far.times_s) < len(whole.times_s) + 2
+    assert (len(so_far.times_s), len(whole.times_s)) == (5, 15)
     told = Flown({stream.stream: np.concatenate([rows, later])}, {stream.stream: 3.0})
     ways.write_if_due(lambda: told, 1.0)
     assert len(decoded((tmp_path / POSES).read_bytes())[0].times_s) == len(so_far.times_s), "not due"
@@ -163,3 +166,15 @@ def test_in_one_process_it_does_not_run_and_of_files_of_detections_there_are_non
         run_mission(_request(prepared.path, tmp_path / "run", local=True))
     with pytest.raises(InputError, match="live streams"):
         fuse(prepared.path, tmp_path / "no.json", None, None, OwnDetector("x"))
+
+
+def test_a_drone_that_only_films_is_planned_for(small_mission: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "mission"
+    shutil.copytree(small_mission.parent, folder)
+    inventory = yaml.safe_load((folder / "inventory.yaml").read_text(encoding="utf-8"))
+    for site in inventory["sites"]:
+        if site["id"] != "ground":
+            del site["machines"]
+    (folder / "inventory.yaml").write_text(yaml.safe_dump(inventory), encoding="utf-8")
+    ready = prepare(folder / small_mission.name)
+    assert {a.site for a in plan(ready).assignments} == {"ground"}

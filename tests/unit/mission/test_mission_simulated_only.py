@@ -40,7 +40,8 @@ def test_simulate_s_videos_are_known_by_the_truth_beside_them(tmp_path):
 
 
 def test_one_line_names_the_detectors_and_the_first_such_video(tmp_path):
-    videos = [DEMO / "drone-1.mp4", tmp_path / "mine.mp4", tmp_path / "other.mp4"]
+    files = [DEMO / "drone-1.mp4", tmp_path / "mine.mp4", tmp_path / "other.mp4"]
+    videos = [("ground", file) for file in files]
     (finding,) = simulated_only(["small", "medium"], videos)
     line = str(finding)
     assert line.startswith(
