@@ -126,6 +126,12 @@ class Fusion(Strict):
     """Greatest probability of a cell."""
     lateness: PositiveSeconds = 2.0
     """With `--pace realtime`: how long a result is waited for before later ones are applied."""
+    replay: PositiveSeconds = 120.0
+    """With `--pace realtime`: a result that comes later than `lateness` is put in its place all the same, up to so long
+    after the newest; later ones are applied when they come, and counted.
+    """
+    replay_results: int = Field(default=20_000, ge=1)
+    """So many of the last results are kept for `replay` at most, about 2 KB each; where more come, it is shorter."""
     uncertainty: Uncertainty = Uncertainty()
     """Of what places are computed from."""
     second_look: SecondLook = SecondLook()

@@ -13,13 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
-from pipeline.fusion.tiles import TILE, TILE_BITS
+from pipeline.fusion.tiles import TILE, TILE_BITS, Before
 from pipeline.fusion.voxel_map import VOXEL, VoxelMap
 from pipeline.storage.checksummed import read_records, write_records
 
 KIND = "searchlight map 2"
 #: corners of grids that share their cells are whole cells apart, to this share of one
 _SAME_LATTICE = 1e-4
+NOTHING_BEFORE: Before = {}
 
 
 def save_map(path: Path, voxel_map: VoxelMap) -> None:
@@ -35,11 +36,14 @@ def load_map(path: Path, voxel_map: VoxelMap) -> None:
     restore_map(path, voxel_map, read_records(path, KIND))
 
 
-def map_records(voxel_map: VoxelMap) -> Iterator[bytes]:
-    """The map as records: the grid, then the touched tiles."""
-    yield msgpack.packb(_grid(voxel_map) | {"tiles": int(voxel_map.tiles.touched.sum())})
-    for tile in voxel_map.tiles.touched_tiles():
-        packed = zlib.compress(voxel_map.tiles.tile(*tile).tobytes(), 1)
+def map_records(voxel_map: VoxelMap, before: Before = NOTHING_BEFORE) -> Iterator[bytes]:
+    """The map as records: the grid, then the touched tiles. before: tiles that are to be as they were."""
+    tiles = voxel_map.tiles
+    known = [tile for tile in tiles.touched_tiles() if tile not in before or before[tile] is not None]
+    yield msgpack.packb(_grid(voxel_map) | {"tiles": len(known)})
+    for tile in known:
+        records = before.get(tile)
+        packed = zlib.compress((tiles.tile(*tile) if records is None else records).tobytes(), 1)
         yield msgpack.packb([*tile, packed])
 
 

@@ -17,6 +17,8 @@ TILE_BITS = 8
 TILE = 1 << TILE_BITS
 
 Window = tuple[slice, slice]
+#: records (TILE, TILE) by tile row and column
+Before = dict[tuple[int, int], NDArray[Any] | None]
 
 
 def tile_shape(shape: tuple[int, int]) -> tuple[int, int]:
@@ -29,9 +31,10 @@ class Tiles:
 
     cells: (tiles * TILE * TILE,), tile by tile and row by row within each. touched: bool (tile rows, tile
     columns), which tiles may hold anything but zeros; whoever writes to cells sets it. owned: bool
-    (tile rows, tile columns), which may be written to. The system gives a tile memory when it is first
-    written. With a folder the cells are a sparse file there, without a name, so that the system can move
-    tiles to disk and nothing is left behind.
+    (tile rows, tile columns), which may be written to. before: where ``keep`` puts tiles as they are before they
+    are written to, None for one that holds only zeros; None where nobody wants them. The system gives a tile memory
+    when it is first written. With a folder the cells are a sparse file there, without a name, so that the system can
+    move tiles to disk and nothing is left behind.
     """
 
     def __init__(
@@ -44,6 +47,7 @@ class Tiles:
         self.shape = shape
         self.touched = np.zeros(tile_shape(shape), dtype=np.bool_)
         self.owned = np.ones_like(self.touched) if owned is None else owned
+        self.before: Before | None = None
         size = self.touched.size * TILE * TILE
         self._file: mmap.mmap | None = None
         if folder is None:
@@ -77,6 +81,22 @@ class Tiles:
     def touch(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> None:
         """Note that the cells (N,) are written to."""
         self.touched[rows >> TILE_BITS, columns >> TILE_BITS] = True
+
+    def keep(self, low: tuple[int, int], high: tuple[int, int]) -> None:
+        """Before cells are written to: keep the tiles of the rows and columns from low to high, both included."""
+        if self.before is None:
+            return
+        for row in range(low[0] >> TILE_BITS, (high[0] >> TILE_BITS) + 1):
+            for column in range(low[1] >> TILE_BITS, (high[1] >> TILE_BITS) + 1):
+                if self.owned[row, column] and (row, column) not in self.before:
+                    known = self.touched[row, column]
+                    self.before[row, column] = self.tile(row, column).copy() if known else None
+
+    def put_back(self, before: Before) -> None:
+        """Let tiles be what they were."""
+        for (row, column), records in before.items():
+            self.touched[row, column] = records is not None
+            self.tile(row, column)[:] = 0 if records is None else records
 
     def tile(self, tile_row: int, tile_column: int) -> NDArray[Any]:
         """The records (TILE, TILE) of one tile; a view."""

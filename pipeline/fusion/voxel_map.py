@@ -191,6 +191,7 @@ class VoxelMap:
         rows, columns: int64 (N,), valid cells. delta: float64 (N,) log-odds. A cell named twice is updated
         twice, in order.
         """
+        self._keep(np.stack([rows, columns]))
         self.tiles.touch(rows, columns)
         add_clamped(self.tiles.cells, self.tiles.flat(rows, columns), delta, *self.limits)
 
@@ -217,6 +218,7 @@ class VoxelMap:
         object of the class is found at K equal steps from no distance to the model's greatest; absent: the paper's
         distance factor, with p_detector. viewpoint: 1..255, of the frame, see ``Viewpoints``.
         """
+        self._keep(seen, raised, wide.windows[:, :2].T, wide.windows[:, :2].T + wide.windows[:, 2:].T - 1)
         observe(
             self.tiles.cells,
             self.tiles.owned,
@@ -236,3 +238,12 @@ class VoxelMap:
             (time_ns, LOOK_GAP_NS, viewpoint),
             self.limits,
         )
+
+    def _keep(self, *cells: NDArray[Any]) -> None:
+        """Before a frame writes to some of the cells, rows and columns (2, N), or between them."""
+        if self.tiles.before is None:
+            return
+        ends = [(part.min(axis=1), part.max(axis=1)) for part in cells if part.shape[1]]
+        if ends:
+            low, high = np.min([a for a, _ in ends], axis=0), np.max([b for _, b in ends], axis=0)
+            self.tiles.keep((int(low[0]), int(low[1])), (int(high[0]), int(high[1])))

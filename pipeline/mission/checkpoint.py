@@ -15,8 +15,10 @@ import msgpack
 import numpy as np
 
 from pipeline.errors import InputError
+from pipeline.fusion.fuser_state import FuserState
 from pipeline.fusion.look import Look
 from pipeline.fusion.map_file import map_records, restore_map
+from pipeline.fusion.replay import Log
 from pipeline.fusion.sequencer import SequencerState
 from pipeline.messages import Detections, pack, unpack
 from pipeline.mission.stages.reducer import HopHistogram, ReducerStage
@@ -24,7 +26,7 @@ from pipeline.storage.checksummed import read_records, write_records
 from pipeline.storage.disk import LOCAL_DISK, Disk
 
 NOTHING: Mapping[str, Any] = MappingProxyType({})
-KIND = "searchlight reducer 4"
+KIND = "searchlight reducer 5"
 
 
 def save_checkpoint(
@@ -64,23 +66,34 @@ def load_checkpoint(path: Path, stage: ReducerStage, disk: Disk = LOCAL_DISK) ->
 
 
 def state_records(stage: ReducerStage) -> Iterator[bytes]:
-    """All that a reducer knows; the same state, the same bytes."""
+    """All that a reducer knows; the same state, the same bytes.
+
+    The map and what the fuser knows are those before the log of the last results, see ``Replay``.
+    """
     yield msgpack.packb(_state(stage))
-    for voxel_map in stage.fuser.maps.values():
-        yield from map_records(voxel_map)
+    for name, voxel_map in stage.fuser.maps.items():
+        yield from map_records(voxel_map, stage.replay.before(name))
 
 
 def _state(stage: ReducerStage) -> dict[str, Any]:
-    sequencer = stage.sequencer.state
+    sequencer, log = stage.sequencer.state, stage.replay.log
+    fuser = log.state
     return {
         "substreams": stage.begun_with,
         "classes": list(stage.fuser.maps),
-        "looks": [[_plain(getattr(look, f.name)) for f in fields(Look)] for look in stage.fuser.looks],
-        "fuser_refused": stage.fuser.refused,
-        "unplaced": stage.fuser.unplaced,
-        "sizes": sorted(stage.fuser.sizes.items()),
-        "last_ns": sorted(stage.fuser.last_ns.items()),
-        "viewpoints": sorted(stage.fuser.viewpoints.newest.items()),
+        "looks": [[_plain(getattr(look, f.name)) for f in fields(Look)] for look in fuser.looks],
+        "fuser_refused": fuser.refused,
+        "unplaced": fuser.unplaced,
+        "sizes": sorted(fuser.sizes.items()),
+        "last_ns": sorted(fuser.last_ns.items()),
+        "viewpoints": sorted(fuser.newest.items()),
+        "replay": {
+            "base": log.base,
+            "entries": [(order, number, pack(result)) for order, number, result in log.entries],
+            "latest_ns": log.latest_ns,
+            "late": sorted(stage.replay.late.items()),
+            "out_of_place": sorted(stage.replay.out_of_place.items()),
+        },
         "sequencer": {
             "open": sequencer.open,
             "newest_ns": sorted(sequencer.newest_ns.items()),
@@ -109,12 +122,22 @@ def _plain(value: Any) -> Any:
 
 
 def _restore_fuser(stage: ReducerStage, state: dict[str, Any]) -> None:
-    fuser = stage.fuser
-    fuser.looks[:] = [_look(values) for values in state["looks"]]
-    fuser.refused, fuser.unplaced = Counter(state["fuser_refused"]), Counter(state["unplaced"])
-    fuser.sizes = Counter(dict(state.get("sizes", ())))  # absent from checkpoints before it was counted
-    fuser.last_ns = dict(state.get("last_ns", ()))
-    fuser.viewpoints.newest = dict(state["viewpoints"])
+    looks = tuple(_look(values) for values in state["looks"])
+    replay = state["replay"]
+    unpacked = ((order, number, unpack(data)) for order, number, data in replay["entries"])
+    entries = tuple((*at, result) for *at, result in unpacked if isinstance(result, Detections))
+    known = FuserState(
+        looks,
+        state["fuser_refused"],
+        state["unplaced"],
+        dict(state["sizes"]),
+        dict(state["last_ns"]),
+        dict(state["viewpoints"]),
+    )
+    stage.replay.go_on(Log(known, replay["base"], entries, replay["latest_ns"]))
+    stage.replay.late, stage.replay.out_of_place = (
+        Counter(dict(replay[k])) for k in ("late", "out_of_place")
+    )
 
 
 def _look(values: tuple[Any, ...]) -> Look:

@@ -191,6 +191,7 @@ class LiveMap:
         """Write a snapshot if something has changed; whether it did."""
         lock = lock or nullcontext()
         with lock:
+            stage.settle()
             state = _counts(stage)
             looks = tuple(stage.fuser.looks)
         key = (len(looks), json.dumps(state, sort_keys=True))

@@ -8,9 +8,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from pipeline.allocation.plan import Assignment, Plan
+from pipeline.config.fusion import Fusion
 from pipeline.detection import open_pool_detector
 from pipeline.errors import SearchlightError, failure, in_one_line
 from pipeline.fusion.fuser import Fuser
+from pipeline.fusion.replay import ReplayParams
 from pipeline.fusion.sequencer import Sequencer
 from pipeline.ingest.finding import Finding
 from pipeline.link.codec import Codec
@@ -25,7 +27,7 @@ from pipeline.mission.onto import go_on
 from pipeline.mission.prepared import PreparedMission
 from pipeline.mission.run_journal import RunJournal, journal_findings
 from pipeline.mission.stages.detector import DetectorStage
-from pipeline.mission.stages.reducer import ReducerStage
+from pipeline.mission.stages.reducer import NO_REPLAY, ReducerStage
 from pipeline.mission.stages.source import SourceCount, SourceParams, SourceStage, StreamInput
 from pipeline.mission.stages.virtual_link import VirtualLink
 from pipeline.mission.stopping import Stop
@@ -212,7 +214,14 @@ def make_reducer(
             assignment.stream, assignment.detector, epoch, relative, substream_worth(prepared, assignment)
         )
 
-    return ReducerStage(fuser, Sequencer(substreams, lateness_ns, start_ns), substreams, learn)
+    sequencer = Sequencer(substreams, lateness_ns, start_ns)
+    replay = replay_params(prepared.mission.fusion) if lateness else NO_REPLAY
+    return ReducerStage(fuser, sequencer, substreams, learn, replay)
+
+
+def replay_params(fusion: Fusion) -> ReplayParams:
+    """Of results that come later than the lateness."""
+    return ReplayParams(round(fusion.replay * 1e9), fusion.replay_results)
 
 
 def substream_models(prepared: PreparedMission, plan: Plan) -> dict[tuple[str, str], SubstreamModel]:

@@ -18,6 +18,7 @@ _UNITS = {
     "max_processing_time": ("seconds", 1.0),
     "time_limit": ("seconds", 1.0),
     "lateness": ("seconds", 1.0),
+    "replay": ("seconds", 1.0),
     "bitrates": ("mbps", 1e6),
     "cell_size": ("meters", 1.0),
     "cluster_distance": ("meters", 1.0),

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from pipeline.config.fusion import Fusion
 from pipeline.fusion.fuser import Fuser
 from pipeline.fusion.map_file import map_records
+from pipeline.fusion.replay import ReplayParams
 from pipeline.fusion.sequencer import Sequencer
 from pipeline.fusion.sharding import merge, shares
 from pipeline.geo.camera import Camera
@@ -64,8 +65,9 @@ def _fuser(owned=None):
     return Fuser(TERRAIN, PARAMS, {"a": CAMERA, "b": CAMERA}, {"d": 1.0, "e": 0.7}, owned=owned)
 
 
-def _stage():
-    return ReducerStage(_fuser(), Sequencer(SUBSTREAMS, LATENESS_NS), SUBSTREAMS)
+def _stage(replay_ns=0):
+    sequencer = Sequencer(SUBSTREAMS, LATENESS_NS)
+    return ReducerStage(_fuser(), sequencer, SUBSTREAMS, replay=ReplayParams(replay_ns))
 
 
 def _result(rng, substream, index, time_ns):
@@ -95,17 +97,20 @@ def _knowledge(fuser, processed):
     return maps, looks, fuser.refused, fuser.unplaced, fuser.last_ns, processed
 
 
-def _run(arrived, restarts=()):
-    stage = _stage()
+def _run(arrived, restarts=(), replay_ns=0, settled=()):
+    stage = _stage(replay_ns)
     with tempfile.TemporaryDirectory() as folder:
         for number, message in enumerate(arrived):
             if number in restarts:
                 save_checkpoint(Path(folder) / "state", stage)
-                stage = _stage()
+                stage = _stage(replay_ns)
                 load_checkpoint(Path(folder) / "state", stage)
             stage.push(message)
+            if number in settled:
+                stage.settle()
     for substream in SUBSTREAMS:
         stage.push(EndOfStream(*substream))
+    stage.settle()
     return stage
 
 
@@ -124,6 +129,20 @@ def test_any_permutation_within_the_lateness_any_duplication_any_restarts_give_t
     stage = _run(arrived, restarts)
     assert not stage.sequencer.late
     assert stage.sequencer.refused.total() == len(arrived) - len(sent)
+    assert _knowledge(stage.fuser, stage.processed) == _knowledge(whole.fuser, whole.processed)
+
+
+@settings(max_examples=30, deadline=None)
+@given(results(), st.data())
+def test_what_comes_later_than_the_lateness_is_put_in_its_place_within_the_window(sent, data):
+    whole = _run(sent)
+    replay_ns = data.draw(st.sampled_from([1500, 2500, 4001]), label="window")
+    delays = data.draw(st.lists(st.integers(0, replay_ns), min_size=len(sent), max_size=len(sent)))
+    arrived = [sent[i] for i in sorted(range(len(sent)), key=lambda i: sent[i].time_ns + delays[i])]
+    at = st.sets(st.integers(0, len(arrived)), max_size=3)
+    stage = _run(arrived, data.draw(at, label="restarts"), replay_ns, data.draw(at, label="settled"))
+    assert not stage.replay.out_of_place
+    assert stage.replay.late == stage.sequencer.late
     assert _knowledge(stage.fuser, stage.processed) == _knowledge(whole.fuser, whole.processed)
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 
 from pipeline.allocation.plan import Assignment, assignment_from_json
 from pipeline.fusion.fuser import Fuser
+from pipeline.fusion.replay import Replay, ReplayParams
 from pipeline.fusion.sequencer import Sequencer
 from pipeline.logs import Log
 from pipeline.messages import Detections, Dropped, EndOfStream, Message
@@ -20,6 +21,8 @@ LATENCY_BUCKETS_S = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.
 
 _LOG = Log("fusion")
 _LATE = "late, applied out of its place"
+#: without a lateness nothing comes late
+NO_REPLAY = ReplayParams()
 
 
 Learn = Callable[[Fuser, Assignment, int], None]
@@ -47,7 +50,7 @@ class ReducerStage:
 
     begun_with: substreams that it was made for. opened: what was opened later, assignments as JSON by substream and
     epoch. closed: why a substream was closed before its end, by (stream, detector). drops: how many of
-    ``dropped``, by reason. tallies: frames by stream, each once.
+    ``dropped``, by reason. tallies: frames by stream, each once. fuser: whoever reads its map calls ``settle`` before.
     """
 
     def __init__(
@@ -56,9 +59,10 @@ class ReducerStage:
         sequencer: Sequencer,
         substreams: Iterable[tuple[str, str]],
         learn: Learn = nothing_to_learn,
+        replay: ReplayParams = NO_REPLAY,
     ) -> None:
         """learn(fuser, assignment, epoch): tell the fuser what a substream that is opened later is worth."""
-        self.fuser = fuser
+        self.fuser, self.replay = fuser, Replay(fuser, replay)
         self.received: dict[tuple[str, str], set[int]] = {}
         self.processed: dict[tuple[str, str], set[int]] = {}
         self.dropped: dict[tuple[str, str], dict[int, str]] = {}
@@ -123,15 +127,20 @@ class ReducerStage:
         """Apply what is still held back; nothing is opened any more."""
         self._learn = nothing_to_learn
         self._apply(self.sequencer.finish())
+        self.settle()
         fuser = self.fuser
         _LOG.event("map finished", sightings=len(fuser.looks), refused=fuser.refused, unplaced=fuser.unplaced)
+
+    def settle(self) -> None:
+        """Put late results in their place, see ``Replay``; it may take as long as the map of some minutes takes."""
+        self.replay.settle()
 
     @property
     def not_taken(self) -> dict[str, int]:
         """What did not change the map, or not in its place: results that came twice or late, bad input, boxes
         without a place.
         """
-        results = Counter({_LATE: self.sequencer.late.total()})
+        results = Counter({_LATE: self.replay.out_of_place.total()})
         for (_, _, reason), count in self.sequencer.refused.items():
             results[reason] += count
         return dict(+results + self.fuser.refused + self.fuser.unplaced)
@@ -166,7 +175,7 @@ class ReducerStage:
 
     def _apply(self, results: Iterable[Detections]) -> None:
         for result in results:
-            self.fuser.apply(result)
+            self.replay.apply(result)
             self.processed[result.stream, result.detector].add(result.index)
             self.tallies[result.stream].look(result.index)
             self.detections[result.stream, result.detector] += len(result.scores)

@@ -250,7 +250,8 @@ def test_a_detector_s_relative_accuracy_is_its_best_over_the_best_of_the_pool(pr
     monkeypatch.setattr(local, "Fuser", lambda *given, **_: handed.extend(given))
     monkeypatch.setattr(local, "Sequencer", lambda *_: None)
     prepared.mission = SimpleNamespace(
-        processing=prepared.mission.processing, fusion=SimpleNamespace(lateness=1.0)
+        processing=prepared.mission.processing,
+        fusion=SimpleNamespace(lateness=1.0, replay=60.0, replay_results=9),
     )
     prepared.terrain, prepared.cameras, prepared.streams, prepared.onto = None, {}, (), None
     local.make_reducer(prepared, plan, lateness=False)
@@ -290,7 +291,8 @@ def test_a_substream_that_is_opened_later_is_worth_what_it_is_at_its_own_bitrate
 
     monkeypatch.setattr(local, "Fuser", Learns)
     prepared.mission = SimpleNamespace(
-        processing=prepared.mission.processing, fusion=SimpleNamespace(lateness=1.0)
+        processing=prepared.mission.processing,
+        fusion=SimpleNamespace(lateness=1.0, replay=60.0, replay_results=9),
     )
     prepared.terrain, prepared.cameras, prepared.streams, prepared.onto = None, {}, (), None
     prepared.relative_accuracy = {"tiled": 0.5, "whole": 1.0}
