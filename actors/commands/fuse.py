@@ -58,10 +58,12 @@ def fuse(
         str | None,
         typer.Option(help="WIDTHxHEIGHT of the pictures that the boxes are of, if not the video's."),
     ] = None,
+    onto: Annotated[Path | None, typer.Option(help="Directory of an earlier run, whose map goes on.")] = None,
 ) -> None:
     """Geolocate and fuse detections that were made elsewhere, without allocation or models."""
     from pipeline.config.pool import Calibration
     from pipeline.mission.fuse import fuse as fuse_detections
+    from pipeline.mission.onto import read_earlier_run
     from pipeline.mission.own_detections import OwnDetector
     from pipeline.mission.picture_finder import Numbering
     from pipeline.mission.run_directory import write_run_directory
@@ -80,8 +82,9 @@ def fuse(
         None if picture_size is None else _size(picture_size),
     )
     prepared, finished = fuse_detections(
-        mission, detections, images, None if looked_at is None else looked_at.value, detector
-    )
+        mission, detections, images, None if looked_at is None else looked_at.value, detector,
+        None if onto is None else read_earlier_run(onto),
+    )  # fmt: skip
     summary = write_run_directory(prepared, finished, out)
     for sentence in summary.own_detections:
         say(sentence)

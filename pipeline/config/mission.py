@@ -9,6 +9,7 @@ from pydantic import Field, field_validator, model_validator
 
 from pipeline.config.base import Strict, load, mismatch, refuse_repeated
 from pipeline.config.camera import CameraSource
+from pipeline.config.cover import Cover
 from pipeline.config.fusion import Fusion
 from pipeline.config.live import Live
 from pipeline.config.outputs import Outputs
@@ -141,6 +142,8 @@ class Mission(Strict):
     """A GeoJSON polygon of the ground to search. Absent: what the drones' ways enclose. Example:
     `area.geojson`.
     """
+    cover: tuple[Cover, ...] = ()
+    """Where people are hidden from the air. Absent: nowhere. Example: `[{file: forest.geojson, hidden: 0.6}]`."""
     outputs: Outputs = Outputs()
     """What a run writes for people and other tools. Absent: by the defaults."""
 
@@ -211,5 +214,6 @@ def load_mission(path: Path) -> Mission:
             "pool": base / mission.pool,
             "truth": None if mission.truth is None else base / mission.truth,
             "search_area": None if mission.search_area is None else base / mission.search_area,
+            "cover": tuple(c.model_copy(update={"file": base / c.file}) for c in mission.cover),
         }
     )

@@ -68,7 +68,8 @@ class VoxelMap:
       showed; 0: never.
     - pod: float32 0..1, probability of detection of an object of the class had one been there: 1 - prod(1 -
       POD of a look), and a look is as good as its best frame; where the probability of being found is known, each
-      frame is as much of a look of its own as its share says.
+      frame is as much of a look of its own as its share says. Under cover (``Terrain.cover``) it is that of people
+      who are not hidden times their share.
     - last_seen_ns: int64, capture time, ns UTC; 0: never.
 
     The result of a series of updates depends on their order, because each is clamped.
@@ -134,6 +135,8 @@ class VoxelMap:
             before, look = self.tiles.part("pod_before", window), self.tiles.part("pod_look", window)
             other = self.tiles.part("other_pod", window).astype(np.float32) / np.float32(POD_STEPS)
             part = 1.0 - (1.0 - before) * (1.0 - look) * (1.0 - other)
+            hidden = self._hidden(window)
+            part = part if hidden is None else part * (1.0 - hidden)
         elif name == "looks":
             part = self.tiles.part(name, window).astype(np.int32)
         elif name == "resolution_px":
@@ -144,8 +147,16 @@ class VoxelMap:
         return part
 
     def probability(self, window: Window = (slice(None), slice(None))) -> NDArray[np.float32]:
-        """float32 (rows, columns) in 0..1; 0.5 where nothing is known, NaN where there is no voxel."""
-        known = 1.0 / (1.0 + np.exp(-self.layer("log_odds", window)))
+        """float32 (rows, columns) in 0..1; 0.5 where nothing is known, NaN where there is no voxel.
+
+        Under cover, looks that found nothing say nothing of those who are hidden: with a share h of them, what the
+        looks left of the odds is h + (1 - h) of what they would have left. Who was seen is not hidden.
+        """
+        log_odds, hidden = self.layer("log_odds", window), self._hidden(window)
+        if hidden is not None:
+            left = np.log(np.maximum(hidden + (1.0 - hidden) * np.exp(log_odds), _CERTAINTY))
+            log_odds = np.where(log_odds < 0.0, left, log_odds)
+        known = 1.0 / (1.0 + np.exp(-log_odds))
         return np.where(np.isfinite(self.terrain.heights_m[window]), known, np.float32(np.nan)).astype(
             np.float32
         )
@@ -238,6 +249,10 @@ class VoxelMap:
             (time_ns, LOOK_GAP_NS, viewpoint),
             self.limits,
         )
+
+    def _hidden(self, window: Window) -> NDArray[np.float32] | None:
+        """Of people in a part of the map the share that is hidden; None if there is no cover."""
+        return None if self.terrain.cover is None else self.terrain.cover[window]
 
     def _keep(self, *cells: NDArray[Any]) -> None:
         """Before a frame writes to some of the cells, rows and columns (2, N), or between them."""

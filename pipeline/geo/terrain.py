@@ -29,7 +29,8 @@ class Terrain:
     of its centre. The array may be a file on disk, of which only what is looked at comes into memory.
     block_range_m: float32 (2, rows, columns of blocks of BLOCK cells), least and greatest height of each
     block; worked out when first needed if absent. stood_in: bool (rows, columns), where something else stands for a
-    surface model that knows no height, and stood_in_sd_m, how far the ground may be from it; none if absent.
+    surface model that knows no height, and stood_in_sd_m, how far the ground may be from it; none if absent. cover:
+    float32 (rows, columns), of people there the share that no camera above can see, 0..1; none if absent.
     """
 
     frame: LocalFrame
@@ -40,6 +41,7 @@ class Terrain:
     block_range_m: NDArray[np.float32] | None = None
     stood_in: NDArray[np.bool_] | None = None
     stood_in_sd_m: float = 0.0
+    cover: NDArray[np.float32] | None = None
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -20,6 +20,7 @@ from pipeline.mission.detection_files import read_listing
 from pipeline.mission.faults import Faults
 from pipeline.mission.listed_frames import ListedRow, Listing
 from pipeline.mission.local import FinishedRun, make_reducer
+from pipeline.mission.onto import EarlierRun
 from pipeline.mission.own_detections import (
     OWN,
     OwnDetector,
@@ -35,9 +36,15 @@ LookedAt = Literal["all", "listed"]
 
 
 def fuse(
-    path: Path, detections: Path, images: Path | None, looked_at: LookedAt | None, detector: OwnDetector
+    path: Path,
+    detections: Path,
+    images: Path | None,
+    looked_at: LookedAt | None,
+    detector: OwnDetector,
+    onto: EarlierRun | None = None,
 ) -> tuple[PreparedMission, FinishedRun]:
-    """The map of a file of detections. path: the mission; its inventory and pool are not read.
+    """The map of a file of detections. path: the mission; its inventory and pool are not read. onto: the run whose map
+    goes on.
 
     looked_at: ``all``: every picture of the images file, or of the processing clock, was looked at; ``listed``:
     those with a row only. Raises InputError for what cannot be used as a whole.
@@ -47,7 +54,7 @@ def fuse(
     if mission.is_live:
         raise InputError(path, "live streams", "recordings, which detections can be of")
     listing = read_listing(detections, images)
-    prepared = _prepared(path, mission, detector)
+    prepared = _prepared(path, mission, detector, onto)
     filmed = [
         FilmedStream(s.stream, s.path.name, s.source.exact_times_s(), s.known_way, prepared.cameras[s.stream])
         for s in prepared.streams
@@ -103,9 +110,11 @@ def _looked_at(
             ]
 
 
-def _prepared(path: Path, mission: Mission, detector: OwnDetector) -> PreparedMission:
+def _prepared(
+    path: Path, mission: Mission, detector: OwnDetector, onto: EarlierRun | None
+) -> PreparedMission:
     """What was filmed; in place of inventory and pool what stands for a detector that ran somewhere else."""
-    filmed = read_filmed(path, mission, Faults())
+    filmed = read_filmed(path, mission, Faults(), onto)
     mission = filmed.mission
     accuracy = _accuracy(detector)
     best = (AccuracyAt.model_construct(bitrate=1.0, accuracy=accuracy),)
@@ -137,6 +146,7 @@ def _prepared(path: Path, mission: Mission, detector: OwnDetector) -> PreparedMi
         filmed.findings,
         filmed.left_out,
         heights=filmed.heights,
+        onto=onto,
     )
 
 

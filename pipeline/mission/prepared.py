@@ -16,6 +16,7 @@ from pipeline.config.inventory import Inventory, load_inventory
 from pipeline.config.mission import Mission, load_mission
 from pipeline.config.pool import Pool, PoolDetector, load_pool
 from pipeline.geo.camera import Camera
+from pipeline.geo.cover import CoverFile, with_cover
 from pipeline.geo.frame import LocalFrame
 from pipeline.geo.heights import UNKNOWN, Heights
 from pipeline.geo.search_area import load_search_area
@@ -210,6 +211,8 @@ def read_filmed(
         ground = load_ground(mission.terrain, mission.fusion.cell_size, frame, window, tracks)
     faults.raise_if_any()
     mission = _with_ground_sd(mission, ground.sd_m)
+    with faults.collected():
+        ground = replace(ground, terrain=with_cover(ground.terrain, _cover_files(mission)))
     terrain = ground.terrain
     streams, findings = _streams(mission, ground, recordings, faults)
     if mission.search_area is not None:
@@ -223,6 +226,10 @@ def read_filmed(
     left_out = {r.stream.id: dict(r.track.left_out) for r in recordings if r.track.left_out}
     by_stream = {r.stream.id: r.track for r in recordings}
     return Filmed(mission, terrain, cameras, streams, tuple(findings), left_out, by_stream, ground.heights)
+
+
+def _cover_files(mission: Mission) -> list[CoverFile]:
+    return [CoverFile(c.file, c.hidden, 100.0 if c.unit == "percent" else 1.0) for c in mission.cover]
 
 
 def _recordings(

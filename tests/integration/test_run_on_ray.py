@@ -14,6 +14,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.unit.mission.test_mission_onto import one_drone
+
 ROOT = Path(__file__).resolve().parents[2]
 SEARCHLIGHT = [sys.executable, "-m", "actors.cli"]
 PROMETHEUS = shutil.which("prometheus") or ROOT / ".venv/tools/usr/bin/prometheus"
@@ -45,6 +47,22 @@ def test_ray_and_local_give_the_same_map_byte_for_byte(
     assert result.returncode == 0, result.stderr
     for name in ("saliency.tif", "salient.geojson"):
         assert (ray_run / name).read_bytes() == (tmp_path / "local" / name).read_bytes(), name
+
+
+@pytest.mark.slow
+def test_a_second_flight_on_ray_goes_on_with_the_map_as_in_one_process(
+    small_mission: Path, tmp_path: Path
+) -> None:
+    missions = [one_drone(small_mission, tmp_path / str(k), k) for k in range(2)]
+    first = searchlight("run", missions[0], "--out", tmp_path / "first", "--local")
+    assert first.returncode == 0, first.stderr
+    for name, how in (("ray", ("--pace", "max")), ("local", ("--local",))):
+        onto = ("--onto", tmp_path / "first", "--out", tmp_path / name)
+        result = searchlight("run", missions[1], *onto, *how)
+        assert result.returncode == 0, result.stderr
+    for name in ("saliency.tif", "salient.geojson"):
+        assert (tmp_path / "ray" / name).read_bytes() == (tmp_path / "local" / name).read_bytes(), name
+    assert (tmp_path / "ray/saliency.tif").read_bytes() != (tmp_path / "first/saliency.tif").read_bytes()
 
 
 def test_every_frame_is_accounted_for(ray_run: Path) -> None:

@@ -225,3 +225,32 @@ def test_the_command_hands_the_run_on_and_refuses_in_one_line(
     assert "in cells of 0.5 m" in str(outcome.exception)
     assert kept(first[0]) == before
     assert not (tmp_path / "out").exists()
+
+
+def test_own_detections_go_on_with_a_map_that_other_own_detections_made(
+    missions: list[Path], tmp_path: Path
+) -> None:
+    def fused(number: int, name: str, *more: object) -> EarlierRun:
+        rows = [f"drone-{number + 1},{k},300,200,330,260,0.9,person" for k in (3, 6, 9)]
+        listed = tmp_path / f"{name}.csv"
+        listed.write_text("\n".join(["stream,frame,x0,y0,x1,y1,score,class", *rows]))
+        arguments = ["fuse", missions[number], "--detections", listed, "--out", tmp_path / name]
+        outcome = CliRunner().invoke(app, [str(a) for a in (*arguments, "--first-frame", 0, *more)])
+        if outcome.exception is not None:
+            raise outcome.exception
+        return read_earlier_run(tmp_path / name)
+
+    def observations(name: str) -> float:
+        with rasterio.open(tmp_path / name / "saliency.tif") as source:
+            return float(np.nansum(source.read(source.descriptions.index("observations") + 1)))
+
+    one, alone = fused(0, "one"), fused(1, "alone")
+    both = fused(1, "both", "--onto", tmp_path / "one")
+    assert len(one.looks) == len(alone.looks) == 3
+    times_ns = sorted(look.time_ns for look in (*one.looks, *alone.looks))
+    assert sorted(look.time_ns for look in both.looks) == times_ns
+    assert observations("both") == observations("one") + observations("alone") > 0.0
+    assert len(both.flights) == 2
+    with pytest.raises(InputError, match="already"):
+        fused(1, "again", "--onto", tmp_path / "both")
+    assert not (tmp_path / "again").exists()
