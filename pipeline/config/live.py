@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Literal
 
 from pydantic import model_validator
@@ -26,6 +27,10 @@ class Live(Strict):
     range: Meters = 500.0
     """So far from where it is when the mission begins the drone will fly: ground beyond is not on the map. A
     `search_area` is on it in any case.
+    """
+    record: Path | None = None
+    """A folder on the node that plays the stream's site, in which the stream is kept as it comes. Absent: it is not
+    kept, and places that were found have no picture. Example: `recordings/drone-1`.
     """
     clock: Literal["auto", "arrival"] = "auto"
     """When pictures were taken: as the stream says (RTCP, KLV), if that is within ten seconds of this machine's

@@ -199,6 +199,7 @@ def load_mission(path: Path) -> Mission:
         s.model_copy(
             update={
                 "video": _files(base, s.videos) if s.videos else s.url,
+                "live": s.live.model_copy(update={"record": s.live.record and base / s.live.record}),
                 "stills": None if s.stills is None else base / s.stills,
                 "camera": s.camera.model_copy(update={"file": s.camera.file and base / s.camera.file}),
                 "telemetry": _resolved(s.telemetry, base),

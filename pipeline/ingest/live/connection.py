@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any
+from typing import Any, TypeAlias
 
 import av
 from av.container import InputContainer
@@ -33,6 +33,9 @@ _OPTIONS = {
     "udp": {"fifo_size": "50000", "overrun_nonfatal": "1", "buffer_size": "4194304"},
 }
 _TRANSPORTS = ("tcp", "udp")
+
+
+Keep: TypeAlias = "Callable[[Packet[VideoStream], float], None]"
 
 
 @dataclass(frozen=True)
@@ -73,6 +76,11 @@ class Connection:
         codec.options = {"err_detect": "explode", "max_pixels": str(_MAX_PIXELS)}
 
     @property
+    def stream(self) -> VideoStream:
+        """The track of the pictures."""
+        return self._stream
+
+    @property
     def codec(self) -> str:
         """FFmpeg's name."""
         return str(self._stream.codec_context.name)
@@ -93,8 +101,11 @@ class Connection:
         """Whether there is a track beside the pictures that could hold KLV."""
         return any(s.type == "data" for s in self._container.streams)
 
-    def items(self) -> Iterator[Shown | KlvBytes]:
-        """What comes, from the first picture that stands alone on. Raises LiveFaultError at the end, always."""
+    def items(self, keep: Keep | None = None) -> Iterator[Shown | KlvBytes]:
+        """What comes, from the first picture that stands alone on. Raises LiveFaultError at the end, always.
+
+        keep: is given each packet of a picture, before it is decoded, and when it came.
+        """
         begun = False
         for packet in self._packets():
             arrival_s = self._now_s()
@@ -106,6 +117,8 @@ class Connection:
             if packet.stream.index != self._stream.index:
                 continue
             begun = begun or packet.is_keyframe
+            if begun and keep is not None:
+                keep(packet, arrival_s)
             if begun:
                 yield from self._decoded(packet, arrival_s)
 

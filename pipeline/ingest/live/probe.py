@@ -106,7 +106,7 @@ def probe_live(
     pictures = _FirstPictures(tracks)
     inside = telemetry.heard == url
     beside = None if inside else TelemetryThread(telemetry, arrivals, tracks.take)
-    told = Told(name, url, live, arrivals, telemetry if inside else None, tracks.take)
+    told = Told(name, url, live, arrivals, telemetry if inside else None, on_track=tracks.take)
     reader = LiveReader(told, pictures)
     try:
         _wait(pictures, tracks, reader, live.wait, arrivals.now_s, clock)

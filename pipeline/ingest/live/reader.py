@@ -19,6 +19,7 @@ from pipeline.ingest.live.connection import Connection, KlvBytes, Shown, connect
 from pipeline.ingest.live.fault import LiveFaultError
 from pipeline.ingest.live.health import Health
 from pipeline.ingest.live.klv_window import KlvWindow
+from pipeline.ingest.live.recorder import Recorder
 from pipeline.ingest.telemetry.misb_azimuth import Reading as AzimuthReading
 from pipeline.ingest.track import Track
 from pipeline.logs import Log
@@ -36,7 +37,7 @@ _TRACK_S = 0.1
 @dataclass(frozen=True)
 class Reading:
     """What a reader is told. name: of the stream. arrivals: its clock. klv: what the mission says of it; None: there is
-    other telemetry. on_track: is given the newest samples, on the stream's clock.
+    other telemetry. recorder: keeps what comes. on_track: is given the newest samples, on the stream's clock.
     """
 
     name: str
@@ -44,6 +45,7 @@ class Reading:
     live: Live
     arrivals: Arrivals
     klv: Telemetry | None = None
+    recorder: Recorder | None = None
     on_track: Callable[[Track], None] = field(default=lambda track: None)
 
 
@@ -134,11 +136,16 @@ class LiveReader:
             self.clock.restart()
             self._pictures.restart(connection)
             _LOG.event("stream opened", stream=self._told.name, connection=self._connections)
-            for item in connection.items():
+            recorder = self._told.recorder
+            if recorder is not None:
+                recorder.begin(connection.stream)
+            for item in connection.items(None if recorder is None else recorder.keep):
                 if self._stop.is_set():
                     return
                 self._take(item, connection)
         finally:
+            if self._told.recorder is not None:
+                self._told.recorder.end()
             connection.close()
 
     def _has_ended(self, fault: LiveFaultError) -> None:
@@ -171,7 +178,10 @@ class LiveReader:
             return
         self._held = None
         for one in waiting:
-            self._pictures.take(one, self.clock.taken_s(one.shown_s), connection)
+            taken_s = self.clock.taken_s(one.shown_s)
+            if self._told.recorder is not None and one.frame is not None:
+                self._told.recorder.taken(taken_s, one.shown_s)
+            self._pictures.take(one, taken_s, connection)
 
     def _take_klv(self, item: KlvBytes) -> None:
         if self._window is None:

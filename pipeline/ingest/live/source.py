@@ -19,6 +19,7 @@ from pipeline.ingest.live.arrivals import Arrivals
 from pipeline.ingest.live.health import Health
 from pipeline.ingest.live.live_trajectory import LiveTrajectory
 from pipeline.ingest.live.reader import LiveReader, Reading
+from pipeline.ingest.live.recorder import Recorder, recorded_images
 from pipeline.ingest.live.sampled_pictures import SampledPictures, Shape
 from pipeline.ingest.live.telemetry_thread import TelemetryThread
 from pipeline.ingest.source import LostPicture, NothingYet, PassedPicture, Picture, SourceInfo
@@ -85,8 +86,15 @@ class LiveSource:
         size = self.found.width, self.found.height
         pictures = SampledPictures(Shape(size, self.sent_size, rate_hz, self.incarnation * INDICES, waiting))
         inside = self.telemetry.heard == self.url
+        record = self.live.record
         told = Reading(
-            self.name, self.url, self.live, arrivals, self.telemetry if inside else None, self.way.extend
+            self.name,
+            self.url,
+            self.live,
+            arrivals,
+            self.telemetry if inside else None,
+            None if record is None else Recorder(self._kept(record), self.incarnation),
+            on_track=self.way.extend,
         )
         beside = None if inside else TelemetryThread(self.telemetry, arrivals, self.way.extend)
         reader = self._running.reader = LiveReader(told, pictures)
@@ -124,8 +132,14 @@ class LiveSource:
             )
 
     def images_at(self, times_s: Iterable[float]) -> Iterator[tuple[float, NDArray[np.uint8]]]:
-        """No picture is kept in full size."""
-        yield from ()
+        """Of those that were recorded, on the node where they were."""
+        if self.live.record is not None:
+            size = self.found.width, self.found.height
+            yield from recorded_images(self._kept(self.live.record), times_s, size)
+
+    def _kept(self, record: Path) -> Path:
+        """The folder of this flight: another one begins at another time."""
+        return record / str(self.start_ns // 1_000_000)
 
     def exact_times_s(self) -> FloatArray:
         """As times_s."""

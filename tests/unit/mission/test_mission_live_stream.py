@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pickle
-import shutil
 import subprocess
 from collections.abc import Iterator
 from dataclasses import replace
@@ -30,7 +29,7 @@ from pipeline.mission.stages.source import SourceStage
 from pipeline.mission.stages.virtual_link import VirtualLink
 from pipeline.view.files import POSES
 from pipeline.view.poses import decoded
-from tests.dialects.demo import DEMO, mission_with, true_track
+from tests.dialects.demo import DEMO, STREAMS, mission_with, true_track
 from tests.live_sender import Order, start
 from tests.unit.ingest.live_streams import free_port
 
@@ -168,13 +167,14 @@ def test_in_one_process_it_does_not_run_and_of_files_of_detections_there_are_non
         fuse(prepared.path, tmp_path / "no.json", None, None, OwnDetector("x"))
 
 
-def test_a_drone_that_only_films_is_planned_for(small_mission: Path, tmp_path: Path) -> None:
-    folder = tmp_path / "mission"
-    shutil.copytree(small_mission.parent, folder)
-    inventory = yaml.safe_load((folder / "inventory.yaml").read_text(encoding="utf-8"))
+def test_a_drone_that_only_films_is_planned_for(tmp_path: Path) -> None:
+    known = {"format": "dji-srt", "height_datum": "ellipsoid", "utc_offset": {"hours": 0}}
+    path = mission_with(tmp_path, {name: known | {"file": str(DEMO / f"{name}.srt")} for name in STREAMS})
+    mission = yaml.safe_load(path.read_text(encoding="utf-8"))
+    inventory = yaml.safe_load(Path(mission["inventory"]).read_text(encoding="utf-8"))
     for site in inventory["sites"]:
         if site["id"] != "ground":
             del site["machines"]
-    (folder / "inventory.yaml").write_text(yaml.safe_dump(inventory), encoding="utf-8")
-    ready = prepare(folder / small_mission.name)
-    assert {a.site for a in plan(ready).assignments} == {"ground"}
+    (tmp_path / "inventory.yaml").write_text(yaml.safe_dump(inventory), encoding="utf-8")
+    path.write_text(yaml.safe_dump(mission | {"inventory": "inventory.yaml"}), encoding="utf-8")
+    assert {a.site for a in plan(prepare(path)).assignments} == {"ground"}
