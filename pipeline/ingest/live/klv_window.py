@@ -14,7 +14,7 @@ from pipeline.ingest.telemetry.misb_packets import MisbPacket, packets_of
 from pipeline.ingest.track import Track
 
 #: samples before this are of no picture any more, seconds
-WINDOW_S = 20.0
+WINDOW_S = 10.0
 
 
 class KlvWindow:

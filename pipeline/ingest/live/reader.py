@@ -30,8 +30,8 @@ _PAUSES_S, _LONGEST_PAUSE_S = (0.2, 0.5, 1.0, 2.0), 4.0
 #: the first pictures of a connection wait so long for a word of when they were taken, seconds: what a server had kept
 #: comes at once, and would else seem to be taken at once
 _SETTLES_S = 0.5
-#: between two tracks of the newest KLV, seconds
-_TRACK_S = 0.1
+#: between two tracks of the newest KLV, seconds: each costs some milliseconds
+_TRACK_S = 0.2
 
 
 @dataclass(frozen=True)

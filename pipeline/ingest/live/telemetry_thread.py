@@ -16,7 +16,7 @@ from pipeline.logs import Log
 
 _LOG = Log("ingest")
 #: between two tracks of the newest samples, seconds
-_TRACK_S = 0.1
+_TRACK_S = 0.2
 
 
 class TelemetryInput(Protocol):

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import pickle
+import socket
 import subprocess
+import threading
+import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -16,6 +19,7 @@ from actors.commands.run import RunRequest, run_mission
 from pipeline.allocation.plan import Assignment
 from pipeline.errors import InputError
 from pipeline.ingest.live.source import LiveSource
+from pipeline.ingest.telemetry.mavlink_frames import frames_in
 from pipeline.messages import Packet
 from pipeline.mission.flown import Flown, as_flown
 from pipeline.mission.fuse import fuse
@@ -29,7 +33,8 @@ from pipeline.mission.stages.source import SourceStage
 from pipeline.mission.stages.virtual_link import VirtualLink
 from pipeline.view.files import POSES
 from pipeline.view.poses import decoded
-from tests.dialects.demo import DEMO, STREAMS, mission_with, true_track
+from tests.dialects import mavlink_tlog
+from tests.dialects.demo import DEMO, STREAMS, at_rate, mission_with, true_track
 from tests.live_sender import Order, start
 from tests.unit.ingest.live_streams import free_port
 
@@ -151,6 +156,58 @@ def test_once_it_is_over_it_is_as_a_recording(prepared: PreparedMission, tmp_pat
     assert len(decoded((tmp_path / POSES).read_bytes())[0].times_s) == len(whole.times_s)
     nothing = as_flown(prepared, Flown())
     assert nothing.streams[0].known_way.times_s == pytest.approx(way.times_s)
+
+
+@pytest.mark.slow
+def test_pictures_get_the_poses_that_mavlink_tells_beside_them(tmp_path: Path) -> None:
+    ports = [free_port(), free_port()]
+    url = f"udp://127.0.0.1:{ports[0]}"
+    track, stop = at_rate(true_track("drone-1"), 10.0), threading.Event()
+    begun_ns = time.time_ns()
+    frames = stamped_frames(bytes(mavlink_tlog.log_of(replace(track, start_time_ns=begun_ns)).data))
+
+    def fly() -> None:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
+            for at_us, frame in frames:
+                if stop.wait(max(0.0, at_us * 1e-6 - time.time())):
+                    return
+                out.sendto(frame, ("127.0.0.1", ports[1]))
+
+    sender = start(Order(f"{url}?pkt_size=1316", seconds=None, size=(256, 144)))
+    threading.Thread(target=fly, daemon=True).start()
+    path = live_mission(tmp_path, url)
+    mission = yaml.safe_load(path.read_text(encoding="utf-8"))
+    mission["streams"][0]["telemetry"] = {"file": f"udp://127.0.0.1:{ports[1]}", "height": "absolute"}
+    mission["streams"][0]["camera"] = {"field_of_view": {"degrees": 60, "of": "horizontal"}}
+    path.write_text(yaml.safe_dump(mission), encoding="utf-8")
+    try:
+        ready = prepare(path)
+        (stream,) = ready.streams
+        poses = []
+        for frame in SourceStage(stream, (), VirtualLink({}, lambda *_: None)).frames():
+            poses.append((frame.time_ns, frame.pose))
+            if len(poses) >= 40:
+                break
+    finally:
+        stop.set()
+        sender.kill()
+    assert any("from udp:" in f.found for f in ready.findings if f.cause == "live")
+    true = np.stack(ready.frame.enu_from_wgs84(track.latitude_deg, track.longitude_deg), axis=1)
+    for time_ns, pose in poses[5:]:
+        at_s = (time_ns - begun_ns) * 1e-9
+        east, north = (np.interp(at_s, track.times_s - track.times_s[0], true[:, k]) for k in (0, 1))
+        # video and telemetry both by arrival: off by what the one came later than the other, at 5 m/s
+        assert np.hypot(pose.position_enu[0] - east, pose.position_enu[1] - north) < 2.0
+
+
+def stamped_frames(data: bytes) -> list[tuple[int, bytes]]:
+    """The frames of a log, each with the time at which it was received, microseconds since 1970."""
+    found, position = [], 0
+    while position < len(data):
+        frame = next(frames_in(data[position + 8 :]))
+        found.append((int.from_bytes(data[position : position + 8], "big"), frame))
+        position += 8 + len(frame)
+    return sorted(found)
 
 
 def _request(mission: Path, out: Path, **other: object) -> RunRequest:
