@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[1]
+from tests.missions import render_small
 
 
 @pytest.hookimpl(optionalhook=True)
@@ -27,19 +27,5 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 
 @pytest.fixture(scope="session")
 def small_mission(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """mission.yaml of a few seconds of two drones; the folder can be copied as it is."""
-    from pipeline.simulation.mission_writer import simulate
-
-    folder = tmp_path_factory.mktemp("small") / "mission"
-    mission = simulate(ROOT / "tests/data/small.yaml", folder, progress=lambda *_: None)
-    inventory = (ROOT / "configs/inventories/demo.yaml").read_text(encoding="utf-8")
-    (folder / "inventory.yaml").write_text(inventory, encoding="utf-8")
-    pool = (ROOT / "configs/pools/demo.yaml").read_text(encoding="utf-8")
-    (folder / "pool.yaml").write_text(
-        pool.replace("../detectors", str(ROOT / "configs/detectors")), encoding="utf-8"
-    )
-    lines = mission.read_text(encoding="utf-8").splitlines()
-    here = {"inventory": "inventory: inventory.yaml", "pool": "pool: pool.yaml"}
-    lines = [here.get(line.split(":")[0], line) for line in lines]
-    mission.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return mission
+    """As ``render_small`` says."""
+    return render_small(tmp_path_factory.mktemp("small") / "mission")

@@ -3,12 +3,8 @@
 from __future__ import annotations
 
 import json
-import os
 import signal
-import subprocess
-import sys
 import time
-from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -20,6 +16,8 @@ from pipeline.mission.controller_log import CONTROLLER_LOG, replayed
 from pipeline.mission.operator import ask
 from pipeline.mission.prepared import prepare
 from pipeline.mission.status import run_status
+from tests.chaos_on_ray import chaotic_run
+from tests.live_runs import LiveRun, is_accounted_for
 
 ROOT = Path(__file__).resolve().parents[2]
 #: side of the square that is searched in the end
@@ -27,70 +25,6 @@ AREA_M = 20.0
 DEMO = ROOT / "configs/missions/demo/mission.yaml"
 
 pytestmark = [pytest.mark.ray, pytest.mark.timeout(400)]
-
-
-@dataclass
-class LiveRun:
-    """A run in a process of its own, whose log is read while it goes on."""
-
-    mission: Path
-    out: Path
-    struck: dict[str, float] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        command = [sys.executable, "-m", "actors.cli", "run", str(self.mission), "--out", str(self.out)]
-        self._process = subprocess.Popen(
-            [*command, "--pace", "realtime"],
-            cwd=ROOT,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-        )
-
-    def events(self) -> list[dict[str, object]]:
-        """What its log says so far."""
-        lines: list[str] = []
-        for path in self.out.parent.glob(f".{self.out.name}.*.log.part"):
-            lines += path.read_text(encoding="utf-8").splitlines()
-        return [json.loads(line) for line in lines if line.endswith("}")]
-
-    def wait_for(self, event: str, subject: str = "", after: int = 0) -> dict[str, object]:
-        """The event, once it is there; after: the events before are not looked at."""
-        until = time.monotonic() + 120.0
-        while time.monotonic() < until and self._process.poll() is None:
-            for found in self.events()[after:]:
-                if found["event"] == event and found.get("subject", "") == subject:
-                    return found
-            time.sleep(0.1)
-        raise AssertionError(f"no {event} {subject}: {self._process.communicate(timeout=60)[0]}")
-
-    def strike(self, actor: str, number: signal.Signals) -> int:
-        """Signal an actor's process; how many events there were before."""
-        before = len(self.events())
-        os.kill(self._process_of(actor), number)
-        return before
-
-    def _process_of(self, actor: str) -> int:
-        if actor == "scheduler":  # it does not report itself, but to the controller that it hosts
-            return int(subprocess.check_output(["pgrep", "-n", "-f", "^ray::SchedulerActor"]))
-        last = [e for e in self.events() if e["event"] == "up" and e["subject"] == actor][-1]
-        return int(str(last["detail"]).split()[1])
-
-    def end(self) -> dict[str, object]:
-        """Its summary, once it has ended well."""
-        said, _ = self._process.communicate(timeout=240)
-        assert self._process.returncode == 0, said
-        assert "(raylet)" not in said, "who died is said in our words"
-        return dict(json.loads((self.out / "summary.json").read_text(encoding="utf-8")))
-
-
-def _is_accounted_for(summary: dict) -> None:
-    assert summary["partial"] is None
-    for stream in summary["streams"]:
-        assert stream["captured"] == stream["processed"] + sum(stream["dropped"].values())
-        assert stream["processed"] > 0
-    for substream in summary["substreams"]:
-        assert substream["offered"] == substream["processed"] + sum(substream["dropped"].values())
 
 
 def _is_replayed(out: Path) -> None:
@@ -138,7 +72,7 @@ def test_a_killed_machine_is_replaced_a_killed_reducer_loses_nothing_and_the_ope
     summary = run.end()
     assert summary["coverage"]["wanted_m2"] == pytest.approx(AREA_M * AREA_M, rel=0.1)
     assert "search area" in {entry["what"] for entry in summary["timeline"]}
-    _is_accounted_for(summary)
+    is_accounted_for(summary)
     _is_replayed(run.out)
     said = {(entry["what"], entry["subject"]) for entry in summary["timeline"]}
     for actor in ("machine:ground-pc", "reducer"):
@@ -160,6 +94,13 @@ def test_the_demo_finds_its_nine_people_whoever_is_struck_in_the_middle(
     before = run.strike(actor, number)
     run.wait_for("lost", actor, before)
     summary = run.end()
-    _is_accounted_for(summary)
+    is_accounted_for(summary)
     _is_replayed(run.out)
     assert (len(summary["truth"]["found"]), summary["truth"]["false"]) == (9, [])
+
+
+@pytest.mark.parametrize("seed", [1, *(pytest.param(s, marks=pytest.mark.slow) for s in (0, 2))])
+def test_all_laws_hold_of_a_run_whose_actors_are_killed_stopped_and_cut_off(
+    small_mission: Path, tmp_path: Path, seed: int
+) -> None:
+    chaotic_run(small_mission, tmp_path / "run", seed)
