@@ -13,6 +13,7 @@ from pipeline.config.cover import Cover
 from pipeline.config.fusion import Fusion
 from pipeline.config.live import Live
 from pipeline.config.outputs import Outputs
+from pipeline.config.prior import Prior
 from pipeline.config.processing import Processing
 from pipeline.config.stream_url import VIDEO_SCHEMES, StreamUrl, is_url, stream_url
 from pipeline.config.telemetry import Telemetry
@@ -144,6 +145,8 @@ class Mission(Strict):
     """
     cover: tuple[Cover, ...] = ()
     """Where people are hidden from the air. Absent: nowhere. Example: `[{file: forest.geojson, hidden: 0.6}]`."""
+    prior: Prior | None = None
+    """Where the missing person may be, before anybody has looked. Absent: as likely everywhere."""
     outputs: Outputs = Outputs()
     """What a run writes for people and other tools. Absent: by the defaults."""
 
@@ -176,6 +179,12 @@ def _resolved(telemetry: Telemetry, base: Path) -> Telemetry:
         return telemetry
     first, *following = (base / file for file in telemetry.files)
     return telemetry.model_copy(update={"file": first, "following": tuple(following), "angles": angles})
+
+
+def _prior(prior: Prior | None, base: Path) -> Prior | None:
+    if prior is None or prior.file is None:
+        return prior
+    return prior.model_copy(update={"file": base / prior.file})
 
 
 def _files(base: Path, files: tuple[Path, ...]) -> Path | tuple[Path, ...]:
@@ -216,5 +225,6 @@ def load_mission(path: Path) -> Mission:
             "truth": None if mission.truth is None else base / mission.truth,
             "search_area": None if mission.search_area is None else base / mission.search_area,
             "cover": tuple(c.model_copy(update={"file": base / c.file}) for c in mission.cover),
+            "prior": _prior(mission.prior, base),
         }
     )

@@ -72,6 +72,32 @@ def load_search_area(path: Path, frame: LocalFrame) -> SearchArea:
     return _united(path, [[_ring(path, ring, frame) for ring in rings] for rings in polygons])
 
 
+def load_weighted_areas(path: Path, frame: LocalFrame) -> tuple[tuple[SearchArea, float], ...]:
+    """Polygons with a property ``weight``, 0 or more, of each feature of a GeoJSON file; areas may overlap.
+
+    Raises InputError for another file, a feature without a weight, or one without a polygon.
+    """
+    expected = "GeoJSON features, each a polygon with a property `weight` of 0 or more"
+    data = _bytes(path)
+    _of_geojson(path, data)  # reads it, and refuses another CRS
+    document = json.loads(data.decode("utf-8-sig"))
+    features = document.get("features")
+    if not isinstance(features, list) or not features:
+        raise InputError(path, "no features", expected)
+    areas = []
+    for number, feature in enumerate(features):
+        properties = feature.get("properties") if isinstance(feature, dict) else None
+        weight = properties.get("weight") if isinstance(properties, dict) else None
+        if isinstance(weight, bool) or not isinstance(weight, int | float) or not 0.0 <= weight < math.inf:
+            raise InputError(f"{path} features.{number}.properties.weight", repr(weight)[:80], expected)
+        polygons = list(_polygons(feature, 0))
+        if not polygons or not all(polygons):
+            raise InputError(f"{path} features.{number}", "no polygon", expected)
+        rings = [[_ring(path, ring, frame) for ring in rings] for rings in polygons]
+        areas.append((_united(path, rings), float(weight)))
+    return tuple(areas)
+
+
 def _united(path: Path, polygons: list[list[FloatArray]]) -> SearchArea:
     """The polygons made valid and one. Raises InputError if they enclose nothing."""
     drawn = [shapely.Polygon(rings[0], rings[1:]) for rings in polygons]

@@ -8,6 +8,7 @@ import numpy as np
 
 from pipeline.config.inventory import Inventory, require_streams
 from pipeline.config.mission import Mission, Stream
+from pipeline.config.prior import Prior
 from pipeline.errors import InputError
 from pipeline.geo.search_area import load_search_area
 from pipeline.geo.terrain import Terrain
@@ -16,9 +17,12 @@ from pipeline.ingest.ground import Window
 from pipeline.ingest.source import Source
 from pipeline.ingest.trajectory import Trajectory
 from pipeline.mission.stages.source import StreamInput
+from pipeline.second_look.cells import cells_inside
 from pipeline.second_look.coverage import EDGE_SHARE
-from pipeline.second_look.plan import cells_inside
+from pipeline.second_look.prior import area_probability
 
+#: of a prior, at least, else it is warned of
+_LEAST_ON_MAP = 0.2
 #: nobody searches farther than this from where anybody flies, metres
 _FAR_M = 20_000.0
 
@@ -103,6 +107,20 @@ def area_is_on_terrain(path: Path, terrain: Terrain) -> list[Finding]:
             "terrain.file: a surface model of all of it",
         ),
     ]
+
+
+def prior_is_on_terrain(prior: Prior, terrain: Terrain) -> list[Finding]:
+    """How much of a prior lies where nobody can look. Raises InputError if all of it does, or if it is none."""
+    on_map = float(area_probability(prior, terrain)[np.isfinite(terrain.heights_m)].sum())
+    where = "prior" if prior.file is None else str(prior.file)
+    if on_map <= 0.0:
+        raise InputError(
+            where, "a prior that gives the map nothing", "one of this ground: its position, or its CRS?"
+        )
+    text = f"the missing person is on this map with {on_map:.0%}, elsewhere with {1.0 - on_map:.0%}"
+    if on_map >= _LEAST_ON_MAP:
+        return [Finding("assumed", "prior", where, text)]
+    return [Finding("warning", "prior_beyond_map", where, text, "", "a larger search_area, or nothing")]
 
 
 def sites_exist(path: Path, mission: Mission, inventory: Inventory) -> None:

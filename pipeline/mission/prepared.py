@@ -30,6 +30,7 @@ from pipeline.link.codec import require_codec
 from pipeline.logs import Log
 from pipeline.mission.checks import (
     area_is_on_terrain,
+    prior_is_on_terrain,
     require_near,
     sites_exist,
     telemetry_covers,
@@ -218,6 +219,9 @@ def read_filmed(
     if mission.search_area is not None:
         with faults.collected():
             findings += area_is_on_terrain(mission.search_area, terrain)
+    if mission.prior is not None:
+        with faults.collected():
+            findings += prior_is_on_terrain(mission.prior, terrain)
     if onto is not None:
         with faults.collected():
             require_continues(onto, mission.fusion, ground, streams)

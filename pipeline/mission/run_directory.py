@@ -34,8 +34,10 @@ from pipeline.outputs.dji_route import write_dji_route
 from pipeline.outputs.exports.registry import write_exports
 from pipeline.outputs.exports.view import EXPORTS, read_run
 from pipeline.outputs.map_picture import map_picture, png, second_look_picture
+from pipeline.outputs.partial import Partial
 from pipeline.outputs.place_picture import FOLDER as PICTURES
 from pipeline.outputs.place_picture import PlacePicture
+from pipeline.outputs.remaining_tif import write_remaining
 from pipeline.outputs.report import ReportData, write_report
 from pipeline.outputs.saliency_tif import write_saliency
 from pipeline.outputs.salient_geojson import write_salient
@@ -43,7 +45,7 @@ from pipeline.outputs.second_look_files import write_qgc_plan, write_second_flig
 from pipeline.outputs.summary import LinkUse, Summary, write_summary
 from pipeline.outputs.truth import TruePerson, load_truth, match_truth
 from pipeline.outputs.ways_geojson import write_search_area, write_tracks
-from pipeline.second_look.plan import plan_second_look
+from pipeline.second_look.plan import SecondLookPlan, plan_second_look
 from pipeline.storage.whole_or_nothing import make_folder, run_directory, write_bytes, write_text
 from pipeline.view.files import SIGHTINGS
 from pipeline.view.sightings import sightings_json
@@ -67,7 +69,14 @@ def write_run_directory(prepared: PreparedMission, run: FinishedRun, out: Path, 
     mission, camera = prepared.mission, prepared.cameras[prepared.streams[0].stream]
     takeoff_m = prepared.streams[0].trajectory.takeoff_m
     second = plan_second_look(
-        fuser.map, prepared.terrain, mission.fusion, camera, tracks, mission.search_area, takeoff_m
+        fuser.map,
+        prepared.terrain,
+        mission.fusion,
+        camera,
+        tracks,
+        mission.search_area,
+        takeoff_m,
+        mission.prior,
     )
     summary = replace(
         _summary(prepared, run, locations, truth),
@@ -109,12 +118,7 @@ def write_run_directory(prepared: PreparedMission, run: FinishedRun, out: Path, 
         write_text(folder / "plan.json", plan_to_json(run.plan, prepared.problem))
         write_bytes(folder / "map.png", png(map_picture(fuser.map, tracks, locations, truth, possible)))
         write_bytes(folder / "schedule.png", png(schedule))
-        write_second_look(folder / "second_look.geojson", second.areas, prepared.frame)
-        write_second_flight(folder / "second_flight.geojson", second.flight, prepared.frame, prepared.heights)
-        if second.flight.waypoints:
-            look = prepared.mission.fusion.second_look
-            write_qgc_plan(folder / "second_flight.plan", second.flight, prepared.frame, look)
-            write_dji_route(folder / "second_flight.kmz", second.flight, prepared.frame, look, last_ns)
+        _write_second_look(folder, prepared, second, last_ns, run.partial)
         _LOG.event(
             "writing", folder=out, places=len(locations), possible=len(possible), sightings=len(fuser.looks)
         )
@@ -125,6 +129,19 @@ def write_run_directory(prepared: PreparedMission, run: FinishedRun, out: Path, 
         _LOG.event("verdict", kind=summary.verdict.kind, sentence=summary.verdict.sentence)
         keep_log(folder / LOG_FILE)
     return summary
+
+
+def _write_second_look(
+    folder: Path, prepared: PreparedMission, second: SecondLookPlan, last_ns: int, partial: Partial | None
+) -> None:
+    frame, look = prepared.frame, prepared.mission.fusion.second_look
+    write_second_look(folder / "second_look.geojson", second.areas, frame)
+    write_second_flight(folder / "second_flight.geojson", second.flight, frame, prepared.heights)
+    if second.flight.waypoints:
+        write_qgc_plan(folder / "second_flight.plan", second.flight, frame, look)
+        write_dji_route(folder / "second_flight.kmz", second.flight, frame, look, last_ns)
+    if second.remaining is not None:
+        write_remaining(folder / "remaining.tif", second.remaining, prepared.terrain, partial)
 
 
 def _export(folder: Path, formats: Sequence[str], last_ns: int) -> None:

@@ -262,11 +262,16 @@ def _coverage(coverage: Coverage) -> dict[str, Any]:
         "seen_anywhere_m2": coverage.seen_m2,
     }
     rounded = {name: round(value, 1) for name, value in areas.items()}
+    prior = {}
+    if coverage.pos is not None and coverage.poa_on_map is not None:
+        by_prior = {"on_map": coverage.poa_on_map, "probability_of_success": coverage.pos}
+        prior = {"prior": {name: round(value, 4) for name, value in by_prior.items()}}
     pod = {} if coverage.mean_pod is None else {"mean_pod": round(coverage.mean_pod, 4)}
     return {
         "basis": coverage.basis,
         **rounded,
         **pod,
+        **prior,
         "scope": coverage.scope,
         "said": list(coverage.sentences),
     }

@@ -131,7 +131,7 @@ def _besides(possible: Sequence[SalientLocation], found: bool) -> list[str]:
 def _left_out(coverage: Coverage | None, known: bool) -> list[str]:
     """What nobody looked at; what is not said in square metres is said in words."""
     if coverage is not None:
-        return list(coverage.sentences)
+        return [*coverage.sentences, *([coverage.success] if coverage.success else [])]
     return [] if known else ["Ground that was not looked at may still hide a person."]
 
 

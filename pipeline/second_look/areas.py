@@ -1,9 +1,9 @@
 """Areas worth a second look: ground where a person may still be, and why.
 
 Negative and positive evidence say where people probably are; how well each place was observed says where the
-map does not know. What is worth most comes first: ``worth`` is the expected number of people there, from a
-density of PRIOR_PER_M2 on ground that was looked at with a probability of detection (POD), and from the map
-itself where it is undecided.
+map does not know. What is worth most comes first: ``worth`` is the expected number of people there, from the mission's
+prior, or without one from a density of PRIOR_PER_M2, on ground that was looked at with a probability of detection
+(POD), and from the map itself where it is undecided.
 """
 
 from __future__ import annotations
@@ -83,12 +83,17 @@ def layers_of(voxel_map: VoxelMap) -> Layers:
 
 
 def second_look_areas(
-    layers: Layers, searched: Mask, corner_m: tuple[float, float], cell_m: float, fusion: Fusion
+    layers: Layers,
+    searched: Mask,
+    corner_m: tuple[float, float],
+    cell_m: float,
+    fusion: Fusion,
+    poa: FloatArray | None = None,
 ) -> tuple[SecondLookArea, ...]:
     """The areas inside the searched cells (rows, columns), the most worth first.
 
     corner_m: east and north of the grid's south-west corner. Areas closer than merge_distance are one;
-    what is smaller than min_area is left out.
+    what is smaller than min_area is left out. poa: the prior of each cell, see ``prior``.
     """
     params = fusion.second_look
     reasons = _reasons(layers, searched, cell_m, fusion)
@@ -101,7 +106,8 @@ def second_look_areas(
         if mine.sum() * cell_m**2 >= params.min_area:
             corner = np.array(corner_m) + cell_m * np.array([window[1].start, window[0].start])
             parts = _part(layers, window)
-            areas.append(_area(parts, mine, reasons[:, *window], corner, cell_m, params))
+            people = PRIOR_PER_M2 * cell_m**2 if poa is None else poa[window][mine]
+            areas.append(_area(parts, mine, people, reasons[:, *window], corner, cell_m, params))
     return _numbered(areas)
 
 
@@ -112,15 +118,19 @@ def _part(layers: Layers, window: tuple[slice, ...]) -> Layers:
 def _area(
     layers: Layers,
     mine: Mask,
+    people: float | FloatArray,
     reasons: NDArray[np.bool_],
     corner: FloatArray,
     cell_m: float,
     params: SecondLook,
 ) -> SecondLookArea:
-    """One area, as yet without a number; corner: of the layers' south-west cell."""
+    """One area, as yet without a number; corner: of the layers' south-west cell. people: expected in each of its
+    cells, before anybody looked.
+    """
     sizes = (reasons & mine).sum(axis=(1, 2)) * cell_m**2
     undecided = mine & reasons[REASONS.index(UNRESOLVED)]
-    missed = PRIOR_PER_M2 * cell_m**2 * float((1.0 - layers.pod[mine]).sum())
+    unseen = 1.0 - layers.pod[mine]
+    missed = people * float(unseen.sum()) if isinstance(people, float) else float((people * unseen).sum())
     chance = float(layers.probability[undecided].max()) if undecided.any() else 0.0
     rows, columns = np.nonzero(mine)
     # the outline is that of the joined pieces, so that one area is one polygon

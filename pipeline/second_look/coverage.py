@@ -15,7 +15,8 @@ class Coverage:
 
     wanted_m2: of that ground. judged_m2: of it, where the terrain is known. looked_m2: of that, seen by a camera.
     seen_m2: all ground that any camera saw, wherever it lies. mean_pod: the probability of detection of a person, mean
-    over the judged ground, 0 where nobody looked, by the sensor model; None: not known.
+    over the judged ground, 0 where nobody looked, by the sensor model; None: not known. pos: the probability of success
+    that the search had by the mission's prior; poa_on_map: what the prior gave to the map; None: no prior.
     """
 
     basis: Literal["area", "ways", "none"]
@@ -24,6 +25,8 @@ class Coverage:
     looked_m2: float
     seen_m2: float
     mean_pod: float | None = None
+    pos: float | None = None
+    poa_on_map: float | None = None
 
     @property
     def not_judged_m2(self) -> float:
@@ -54,7 +57,17 @@ class Coverage:
         if self.mean_pod is not None and self.judged_m2 > 0.0:
             said += f". Of people on the ground that was judged, {self.mean_pod:.0%} would have been detected"
             said += " (POD, by the sensor model)"
-        return f"{said}."
+        return f"{said}." if self.pos is None else f"{said}. {self.success}"
+
+    @property
+    def success(self) -> str:
+        """What the search was worth by the prior; nothing without one."""
+        if self.pos is None or self.poa_on_map is None:
+            return ""
+        return (
+            f"By the prior the missing person was on this map with {self.poa_on_map:.0%}, and would have been found"
+            f" with {self.pos:.0%} (probability of success)."
+        )
 
     @property
     def sentences(self) -> tuple[str, ...]:

@@ -8,12 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import rasterio
-import rasterio.features
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from pipeline.config.fusion import Fusion
+from pipeline.config.prior import Prior
 from pipeline.config.second_look import SecondLook
 from pipeline.fusion.voxel_map import VoxelMap
 from pipeline.geo.camera import Camera
@@ -22,19 +20,24 @@ from pipeline.geo.terrain import Terrain
 from pipeline.logs import Log
 from pipeline.messages import FloatArray
 from pipeline.second_look.areas import SecondLookArea, layers_of, second_look_areas
+from pipeline.second_look.cells import cells_inside
 from pipeline.second_look.coverage import Coverage
 from pipeline.second_look.flight import SecondFlight, plan_second_flight
+from pipeline.second_look.prior import Remaining, area_probability, remaining
 
 _LOG = Log("second_look")
 
 
 @dataclass(frozen=True, eq=False)
 class SecondLookPlan:
-    """areas: the most worth first. flight: over them. coverage: of the ground that was to be searched."""
+    """areas: the most worth first. flight: over them. coverage: of the ground that was to be searched.
+    remaining: of the prior; None without one.
+    """
 
     areas: tuple[SecondLookArea, ...]
     flight: SecondFlight
     coverage: Coverage
+    remaining: Remaining | None = None
 
 
 def plan_second_look(
@@ -45,15 +48,18 @@ def plan_second_look(
     tracks: Mapping[str, FloatArray],
     search_area: Path | None,
     takeoff_m: float = math.nan,
+    prior: Prior | None = None,
 ) -> SecondLookPlan:
     """camera: of the first stream, which flies again. tracks: stream -> positions, float64 (N, >=2).
 
-    takeoff_m: height of the first stream's take-off, above the terrain's datum; NaN: not known.
+    takeoff_m: height of the first stream's take-off, above the terrain's datum; NaN: not known. prior: where the person
+    may be; None: as likely everywhere.
     """
     wanted = wanted_ground(search_area, terrain, tracks, fusion.second_look)
     searched = cells_inside(wanted, terrain)
     layers, corner = layers_of(voxel_map), (terrain.east_m, terrain.north_m)
-    areas = second_look_areas(layers, searched, corner, terrain.cell_m, fusion)
+    poa = None if prior is None else area_probability(prior, terrain)
+    areas = second_look_areas(layers, searched, corner, terrain.cell_m, fusion, poa)
     home = next(iter(tracks.values()))[0, :2]
     flight = plan_second_flight(areas, camera, terrain, home, fusion.second_look, takeoff_m)
     judged, seen, cell_m2 = (
@@ -61,6 +67,7 @@ def plan_second_look(
         layers.observations > 0,
         terrain.cell_m**2,
     )
+    left = None if poa is None else remaining(poa, np.where(seen, layers.pod, 0.0))
     coverage = Coverage(
         "none" if wanted is None else "area" if search_area is not None else "ways",
         0.0 if wanted is None else wanted.area_m2,
@@ -68,6 +75,8 @@ def plan_second_look(
         float((judged & seen).sum()) * cell_m2,
         float(seen.sum()) * cell_m2,
         float(np.where(seen, layers.pod, 0.0)[judged].mean()) if judged.any() else None,
+        None if left is None else left.pos,
+        None if left is None else left.on_map,
     )
     _LOG.event(
         "planned",
@@ -78,7 +87,7 @@ def plan_second_look(
         takeoff_is_told=flight.takeoff_is_told,
         clearance=flight.clearance,
     )
-    return SecondLookPlan(areas, flight, coverage)
+    return SecondLookPlan(areas, flight, coverage, left)
 
 
 def wanted_ground(
@@ -104,22 +113,3 @@ def _least_width_m(hull: FloatArray) -> float:
     edges = np.roll(hull, -1, axis=0) - hull
     normals = np.stack([-edges[:, 1], edges[:, 0]], axis=1) / np.linalg.norm(edges, axis=1)[:, None]
     return float(np.ptp(hull @ normals.T, axis=0).min())
-
-
-def cells_inside(wanted: SearchArea | None, terrain: Terrain) -> NDArray[np.bool_]:
-    """Cells (rows, columns) whose middle lies in the area; those that it touches, if it is smaller than a cell."""
-    if wanted is None:
-        return np.zeros(terrain.shape, dtype=bool)
-    shapes = [
-        {"type": "Polygon", "coordinates": [[*map(tuple, ring), tuple(ring[0])] for ring in rings]}
-        for rings in wanted.polygons
-    ]
-    cell = terrain.cell_m
-    transform = rasterio.Affine(cell, 0.0, terrain.east_m, 0.0, cell, terrain.north_m)
-    for all_touched in (False, True):
-        inside = rasterio.features.geometry_mask(
-            shapes, terrain.shape, transform, all_touched=all_touched, invert=True
-        )
-        if inside.any():
-            break
-    return np.asarray(inside, dtype=bool)

@@ -13,6 +13,7 @@ VERSIONS = {
     "map": 1,
     "places": 1,
     "plan": 1,
+    "remaining": 1,
     "search area": 1,
     "second look": 1,
     "summary": 1,

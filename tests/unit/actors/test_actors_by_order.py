@@ -136,7 +136,10 @@ def _state(rate_bps: float, full: bool) -> LinkState:
 def test_a_source_reports_what_its_limited_links_let_through_and_more_of_those_that_are_not_full() -> None:
     bandwidth = {"full": 6e6, "easy": 6e6, "own": math.inf}
     source = SourceActor(
-        SimpleNamespace(stream="v", video=SimpleNamespace(pictures=9)), (), bandwidth, SourceParams()
+        SimpleNamespace(stream="v", video=SimpleNamespace(pictures=9), source=None, trajectory=None),
+        (),
+        bandwidth,
+        SourceParams(),
     )
     states = {"full": _state(1e6, True), "easy": _state(2e6, False), "own": _state(math.inf, False)}
     source._link = SimpleNamespace(states=lambda: states)

@@ -13,7 +13,7 @@ from pipeline.errors import InputError
 from pipeline.geo.frame import LocalFrame
 from pipeline.geo.search_area import load_search_area
 from pipeline.geo.terrain import Terrain
-from pipeline.second_look.plan import cells_inside
+from pipeline.second_look.cells import cells_inside
 
 FRAME = LocalFrame(47.0, 8.0)
 SHARED = Path(__file__).parents[4] / "shared/data/cases/area"

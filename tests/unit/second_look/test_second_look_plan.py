@@ -7,7 +7,8 @@ from pipeline.config.second_look import SecondLook
 from pipeline.fusion.voxel_map import VoxelMap
 from pipeline.geo.frame import LocalFrame
 from pipeline.geo.terrain import Terrain
-from pipeline.second_look.plan import cells_inside, plan_second_look, wanted_ground
+from pipeline.second_look.cells import cells_inside
+from pipeline.second_look.plan import plan_second_look, wanted_ground
 
 FRAME = LocalFrame(47.0, 8.0)
 TERRAIN = Terrain(FRAME, -20.0, -20.0, 0.5, np.zeros((80, 80), dtype=np.float32))
