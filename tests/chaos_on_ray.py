@@ -161,7 +161,8 @@ def judge(prepared: PreparedMission, out: Path, summary: dict[str, Any], kept: P
     assert durable.cut == (), durable.cut
     durable.finish()
     counted = {s["stream"]: s["processed"] for s in summary["streams"]}
-    assert counted == {stream: len(results.stage.frames(stream)) for stream in counted}
+    held = {stream: len(results.stage.frames(stream)) for stream in counted}
+    assert counted == held, f"the summary counts {counted}, the journal holds {held}"
     assert _saliency(results.stage, kept) == (out / "saliency.tif").read_bytes(), (
         "another map than the journal's"
     )

@@ -91,7 +91,8 @@ def is_accounted_for(summary: dict[str, Any]) -> None:
     """Every captured and every offered frame was processed, or dropped for a reason."""
     assert summary["partial"] is None
     for stream in summary["streams"]:
-        assert stream["captured"] == stream["processed"] + sum(stream["dropped"].values())
-        assert stream["processed"] > 0
+        assert stream["captured"] == stream["processed"] + sum(stream["dropped"].values()), stream
+        assert stream["processed"] > 0, stream
     for substream in summary["substreams"]:
-        assert substream["offered"] == substream["processed"] + sum(substream["dropped"].values())
+        accounted = substream["processed"] + sum(substream["dropped"].values())
+        assert substream["offered"] == accounted, substream
