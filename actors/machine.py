@@ -14,7 +14,7 @@ from pipeline.allocation.plan import Assignment
 from pipeline.clock import Clock
 from pipeline.config.pool import PoolDetector
 from pipeline.detection import PERSONS, Detector, open_pool_detector
-from pipeline.errors import InputError, ProtocolError, RunFailedError, SearchlightError, failure
+from pipeline.errors import InputError, RunFailedError, SearchlightError, failure
 from pipeline.link.codec import Codec
 from pipeline.link.keys import Endpoint, KeyPair
 from pipeline.link.receiver import Receiver
@@ -82,14 +82,19 @@ class MachineActor:
         self._stage: MachineStage | None = None
         self._kept: KeptResults | None = None
         self._receiver: Receiver | None = None
-        self._results = LinkSender(
+        self._results = self._new_sender(reconnect=False)
+        self._peers: dict[bytes, str] = {}
+        self._models = Offer()
+
+    def _new_sender(self, *, reconnect: bool) -> LinkSender:
+        return LinkSender(
             unlimited(),
             capacity_bytes=self._params.result_bytes,
             keys=self._keys,
-            name=f"machine {machine}",
+            name=f"machine {self._machine}",
+            reconnect=reconnect,
+            on_back=lambda _: self._send_all_again(),
         )
-        self._peers: dict[bytes, str] = {}
-        self._models = Offer()
 
     def public_key(self) -> bytes:
         """By which everybody knows it."""
@@ -152,21 +157,25 @@ class MachineActor:
     def begin(
         self,
         detectors: Mapping[str, PoolDetector],
-        reducer: Endpoint,
+        reducer: Endpoint | None,
         layers: Mapping[str, int] = PERSONS,
         incarnation: int = 0,
         models: Offer | None = None,
     ) -> Endpoint:
-        """Hold nothing yet, and listen (real time); the endpoint for packets. detectors: of the pool, by id. models: as
-        in start.
+        """Hold nothing yet, and listen (real time); the endpoint for packets. detectors: of the pool, by id. reducer:
+        None while there is none. models: as in start.
 
-        Results are kept until they are acknowledged: a reducer that is lost is sent them again when it is back.
+        Results are kept until they are acknowledged: a reducer that is lost, or the way to it, is sent them again when
+        it is back.
         """
         self._incarnation, self._models = incarnation, models or self._models
         self._kept = KeptResults()
+        self._results.close()
+        self._results = self._new_sender(reconnect=True)
         self._stage = self._new_stage(detectors, layers, self._keep_and_answer, drops=True)
         endpoint = self._listen(self._stage)
-        self.results_to(reducer)
+        if reducer is not None:
+            self.results_to(reducer)
         return endpoint
 
     def _listen(self, stage: MachineStage) -> Endpoint:
@@ -188,10 +197,8 @@ class MachineActor:
 
     def results_to(self, reducer: Endpoint) -> None:
         """Send results there from now on, those first that are not known to be safe."""
-        with self._sending:
-            with contextlib.suppress(OSError, ProtocolError):  # it is gone again: the next endpoint will come
-                self._results.connect(_RESULTS, reducer)
-            self._send_again()
+        self._results.expect(_RESULTS, reducer)
+        self._send_all_again()
 
     def report(self, safe: Sequence[Acknowledgement] = ()) -> tuple[MachineReport, MachineStatus]:
         """What it holds, and a snapshot. safe: what the reducer has on its disk."""
@@ -209,13 +216,14 @@ class MachineActor:
             self._stuck = oldest, now_s
         elif oldest is not None and now_s - self._stuck[1] > self._params.resend_s:
             self._stuck = oldest, now_s
-            with self._sending:
-                self._send_again()
+            self._send_all_again()
 
-    def _send_again(self) -> None:
-        assert self._kept is not None
-        for result in self._kept.again():
-            self._try_to_send(result)
+    def _send_all_again(self) -> None:
+        if self._kept is None:
+            return
+        with self._sending:
+            for result in self._kept.again():
+                self._try_to_send(result)
 
     def _keep_and_answer(self, result: Message, urgent: bool) -> None:
         assert self._kept is not None

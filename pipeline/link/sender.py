@@ -57,8 +57,8 @@ class LinkSender:
 
     on_lost(name, reason): a connection is broken, or silent; on_back(name): connected or heard again;
     on_restart(stream, detector): the far end could not take a packet of this substream. All three are called on
-    threads of the sender, and must not block. reconnect: whether a broken connection is made again by itself, after
-    the waits of ``params.backoff``; what was not read before is lost, and not sent again.
+    threads of the sender, and must not block. reconnect: whether a broken connection, or one that is expected, is made
+    by itself, after the waits of ``params.backoff``; what was not read before is lost, and not sent again.
     """
 
     def __init__(
@@ -82,6 +82,7 @@ class LinkSender:
         self._on_lost, self._on_back = on_lost, on_back
         self._connections = Connections(bucket.rate_bps, self._params, self._clock, self._broken)
         self._endpoints: dict[str, Endpoint] = {}
+        self._trying: set[str] = set()
         runs = {
             "write": Writer(self._connections, bucket).run,
             "listen": Listener(self._connections, self._silence, on_restart).run,
@@ -127,6 +128,17 @@ class LinkSender:
         if former is not None:
             former.socket.close()
         _LOG.event("connected", connection=name, address=endpoint.address)
+
+    def expect(self, name: str, endpoint: Endpoint) -> None:
+        """As ``connect``, for a sender that reconnects: what cannot be connected now is broken until it can be."""
+        try:
+            self.connect(name, endpoint)
+        except (OSError, ProtocolError) as error:
+            with self._connections.changed:
+                self._connections.broken[name] = error
+                self._endpoints[name] = endpoint
+            self._report(name, str(error))
+            self._keep_trying(name)
 
     def send(self, name: str, message: Message, timeout_s: float | None = None) -> bool:
         """Queue a message; False if there is no room.
@@ -233,24 +245,33 @@ class LinkSender:
         shut_down(self._connections[name].socket)
         self._report(name, str(error))
         if self._reconnect:
-            threading.Thread(target=self._try_again, args=(name,), name="link again", daemon=True).start()
+            self._keep_trying(name)
 
     def _report(self, name: str, reason: str) -> None:
         _LOG.warning("connection lost", connection=name, reason=reason)
         self._on_lost(name, reason)
 
+    def _keep_trying(self, name: str) -> None:
+        with self._connections.changed:
+            if name in self._trying:
+                return
+            self._trying.add(name)
+        threading.Thread(target=self._try_again, args=(name,), name="link again", daemon=True).start()
+
     def _try_again(self, name: str) -> None:
         shared, attempt = self._connections, 0
         while not shared.stop.wait(wait_s(self._params.backoff, attempt, self._chance())):
-            if name not in shared.broken:  # somebody else has connected it
-                return
+            attempt += 1
+            with shared.changed:
+                if name not in shared.broken:  # somebody else has connected it
+                    self._trying.discard(name)
+                    return
+                endpoint = self._endpoints[name]
             try:
-                self.connect(name, self._endpoints[name])
+                self.connect(name, endpoint)
             except (OSError, ProtocolError) as error:
                 with shared.changed:
                     if name in shared.broken:
                         shared.broken[name] = error
-                attempt += 1
                 continue
             self._on_back(name)
-            return

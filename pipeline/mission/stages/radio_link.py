@@ -82,7 +82,7 @@ class RadioLink:
 
         Raises RunFailedError, with the names of both ends, if there can be none.
         """
-        name = f"{site} at {endpoint.host}:{endpoint.port}"
+        name = _connection(site, endpoint)
         if name not in self._connections.values():
             try:
                 self.senders[site].connect(name, endpoint)
@@ -91,14 +91,15 @@ class RadioLink:
         self._connections[detector] = name
 
     def expect(self, site: str, detector: str, endpoint: Endpoint | None) -> None:
-        """As ``connect``; where nobody can be reached there, the way counts as down until the next call."""
-        try:
-            if endpoint is not None:
-                self.connect(site, detector, endpoint)
-                return
-        except RunFailedError as error:
-            self._on_lost(site, detector, str(error))
-        self._connections.pop(detector, None)
+        """As ``connect``; where nobody can be reached there, the way is down until somebody can, or the next call."""
+        if endpoint is None:
+            self._connections.pop(detector, None)
+            return
+        name = _connection(site, endpoint)
+        is_new = name not in self._connections.values()
+        self._connections[detector] = name
+        if is_new:
+            self.senders[site].expect(name, endpoint)
 
     def is_up(self, site: str, detector: str) -> bool:
         """Whether the connection is neither broken nor silent."""
@@ -162,3 +163,7 @@ class RadioLink:
         if self.senders[site].state().down.get(name) not in (None, "silent"):
             self._restart([d for d, connection in self._connections.items() if connection == name])
         self._on_lost(site, name, reason)
+
+
+def _connection(site: str, endpoint: Endpoint) -> str:
+    return f"{site} at {endpoint.host}:{endpoint.port}"

@@ -22,6 +22,7 @@ from pipeline.allocation.plan import Assignment, Plan, assignment_to_json
 from pipeline.link.keys import Endpoint, KeyPair
 from pipeline.link.receiver import Receiver
 from pipeline.link.sender import LinkState
+from pipeline.link.sockets import shut_down
 from pipeline.messages import Dropped
 from pipeline.mission.controller.events import Elapsed, ReducerReport
 from pipeline.mission.controller.orders import Close, Expect, Run, Say, Send
@@ -53,6 +54,11 @@ class Reducer:
 
     def next(self):
         return self.got.get(timeout=10.0)
+
+    def reset(self) -> None:
+        """Break the connections that there are."""
+        for peer in list(self.receiver._peers.values()):
+            shut_down(peer.socket)
 
 
 @pytest.fixture
@@ -118,6 +124,35 @@ def test_a_machine_whose_reducer_is_gone_keeps_its_results_for_the_next(reducers
     assert [reducers[1].next().sequence for _ in range(3)] == [0, 1, 2]
 
 
+def test_a_machine_whose_connection_to_the_reducer_breaks_makes_it_again_and_sends_what_is_not_safe(
+    reducers,
+) -> None:
+    machine = _machine(reducers[0], resend_s=60.0)
+    machine._keep_and_answer(result(0), False)
+    assert reducers[0].next().sequence == 0
+    reducers[0].reset()
+    assert reducers[0].next().sequence == 0, "nobody has said that it is safe"
+    machine._keep_and_answer(result(1), False)
+    assert reducers[0].next().sequence == 1
+
+
+def test_a_machine_that_begins_before_its_reducer_hears_it_sends_to_it_once_it_does(reducers) -> None:
+    machine = MachineActor("m", HERE, "h264", MachineParams(resend_s=60.0))
+    machine.begin({}, reducers[0].endpoint)
+    machine._keep_and_answer(result(0), False)
+    reducers[0].receiver.accept_only({machine.public_key(): "machine:m"})
+    assert reducers[0].next().sequence == 0
+
+
+def test_a_machine_begins_without_a_reducer_and_is_told_of_it_later(reducers) -> None:
+    machine = MachineActor("m", HERE, "h264", MachineParams(resend_s=60.0))
+    machine.begin({}, None)
+    machine._keep_and_answer(result(0), False)
+    reducers[0].receiver.accept_only({machine.public_key(): "machine:m"})
+    machine.results_to(reducers[0].endpoint)
+    assert reducers[0].next().sequence == 0
+
+
 def test_what_a_machine_is_not_to_hold_any_more_is_not_sent_again(reducers) -> None:
     machine = _machine(reducers[0], resend_s=60.0)
     machine._stage.run = lambda order: (opened().key,)  # it held this, and drops it
@@ -165,10 +200,23 @@ def test_a_way_to_nobody_is_down_until_there_is_somebody(reducers) -> None:
     reducers[1].receiver.close()
     link.expect("s", "m:d", gone)
     assert not link.is_up("s", "m:d")
-    assert lost[0][:2] == ("s", "m:d")
+    assert lost[0][:2] == ("s", f"s at {HERE}:{gone.port}")
+    assert link.take_restarts() == {"m:d"}
     reducers[0].receiver.accept_only({KEYS.public: "source:v"})
     link.expect("s", "m:d", reducers[0].endpoint)
     assert link.is_up("s", "m:d")
+    link.close()
+
+
+def test_a_way_to_somebody_who_does_not_hear_yet_is_up_once_they_do(reducers) -> None:
+    back: queue.Queue[str] = queue.Queue()
+    link = RadioLink("v", {"s": 6e6}, KEYS, on_back=lambda site, name: back.put(site))
+    link.expect("s", "m:d", reducers[0].endpoint)
+    assert not link.is_up("s", "m:d")
+    reducers[0].receiver.accept_only({KEYS.public: "source:v"})
+    assert back.get(timeout=10.0) == "s"
+    assert link.is_up("s", "m:d")
+    assert link.take_restarts() == {"m:d"}, "a decoder that was not there has missed what came before"
     link.close()
 
 
