@@ -28,7 +28,7 @@ from pipeline.allocation.plan import Plan
 from pipeline.errors import InputError
 from pipeline.ingest.finding import Finding
 from pipeline.link.receiver import REJECTED
-from pipeline.mission.stages.reducer import LATENCY_BUCKETS_S
+from pipeline.mission.stages.latency import LATENCY_BUCKETS_S
 from pipeline.mission.who_may_say import REFUSED
 from pipeline.outputs.verdict import doubts_of
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 
 from actors.site import own_host
 from pipeline.allocation.plan import Plan, assignment_from_json, assignment_to_json
+from pipeline.clock import Clock
 from pipeline.errors import SearchlightError, failure, in_one_line
 from pipeline.ingest.finding import Finding
 from pipeline.link.keys import Endpoint, KeyPair
@@ -26,7 +27,8 @@ from pipeline.mission.live_files import LiveMap
 from pipeline.mission.local import make_reducer
 from pipeline.mission.prepared import PreparedMission
 from pipeline.mission.run_journal import RunJournal, journal_findings
-from pipeline.mission.stages.reducer import HopHistogram, ReducerStage
+from pipeline.mission.stages.latency import HopHistogram
+from pipeline.mission.stages.reducer import ReducerStage
 from pipeline.mission.warm_up import warm_up
 from pipeline.mission.who_may_say import refused_by_reducer
 from pipeline.outputs.live_names import LIVE
@@ -87,6 +89,9 @@ class ReducerActor:
         warm_up(prepared, plan)
         self._stage = make_reducer(prepared, plan, lateness=realtime)
         self._durable = journal.reducer(self._stage, time.monotonic())
+        self._stage.utc_ns = (
+            Clock().utc_ns if realtime else None
+        )  # not before: what the journal holds came long ago
         self._changed = threading.Condition()
         self._orders: deque[Expect] = deque()
         self._said: tuple[frozenset[Substream], frozenset[Substream], ReducerStatus] | None = None

@@ -67,7 +67,8 @@ class Packet:
 
     data: the codec's bytes. pts: presentation time in units of time_base_num / time_base_den seconds.
     width, height: pixels of the stream's picture, which the encoded one may be smaller than; 0: as encoded.
-    encode_s: what encoding took. link_s: how long the link needed, where the sender can know it (pace max);
+    encode_s: what encoding took. source_s: what else it cost from when the frame was due until it was given to the
+    link. link_s: how long the link needed, where the sender can know it (pace max);
     otherwise the receiver takes the difference to sent_ns, the sender's clock, ns UTC. epoch: of the plan that
     it was sent under. sequence: number of the message within its substream and epoch, from 0, without gaps.
     """
@@ -89,16 +90,24 @@ class Packet:
     height: int = 0
     epoch: int = 0
     sequence: int = 0
+    source_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hops:
-    """Seconds that one result spent on each part of its way. They never influence the map."""
+    """Seconds that one result spent on each part of its way. They never influence the map.
+
+    source_s: from when the frame was due until it was given to the link, encoding left out. wait_s: at the machine,
+    until it was decoded. answered_ns: when the machine had its result, ns UTC; 0 where nobody asked.
+    """
 
     encode_s: float = 0.0
     transfer_s: float = 0.0
     decode_s: float = 0.0
     detect_s: float = 0.0
+    source_s: float = 0.0
+    wait_s: float = 0.0
+    answered_ns: int = 0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -153,7 +162,7 @@ class EndOfStream:
 Message = Packet | Detections | Dropped | EndOfStream
 #: of the wire form; both ends of a connection must speak the same. Raised when a field comes, goes or moves, and
 #: when the way to seal it changes
-WIRE_VERSION = 3
+WIRE_VERSION = 4
 #: the number of a message on the wire is its place here
 _MESSAGES: tuple[type[Message], ...] = (Packet, Detections, Dropped, EndOfStream)
 _NUMBERS = {cls: number for number, cls in enumerate(_MESSAGES)}
@@ -189,6 +198,9 @@ _RANGES: dict[str, tuple[float, float]] = {
     "transfer_s": (0.0, 1e9),
     "decode_s": (0.0, 1e9),
     "detect_s": (0.0, 1e9),
+    "source_s": (0.0, 1e9),
+    "wait_s": (0.0, 1e9),
+    "answered_ns": (0, _INT64),
     "horizontal_sd_m": (0.0, math.inf),
     "height_sd_m": (0.0, math.inf),
     "attitude_sd_rad": (0.0, math.inf),

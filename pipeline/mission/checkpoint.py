@@ -21,7 +21,8 @@ from pipeline.fusion.map_file import map_records, restore_map
 from pipeline.fusion.replay import Log
 from pipeline.fusion.sequencer import SequencerState
 from pipeline.messages import Detections, pack, unpack
-from pipeline.mission.stages.reducer import HopHistogram, ReducerStage
+from pipeline.mission.stages.latency import HopHistogram
+from pipeline.mission.stages.reducer import ReducerStage
 from pipeline.storage.checksummed import read_records, write_records
 from pipeline.storage.disk import LOCAL_DISK, Disk
 

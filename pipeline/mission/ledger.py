@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from pipeline.allocation.plan import Assignment
 from pipeline.ingest.finding import Finding
-from pipeline.mission.stages.reducer import HOPS, HopHistogram, ReducerStage
+from pipeline.mission.stages.latency import HopHistogram
+from pipeline.mission.stages.reducer import ReducerStage
 from pipeline.mission.stages.source import LINK_LOST, SourceCount
 from pipeline.outputs.accounting import StreamAccount
-from pipeline.outputs.summary import MeanHops, SubstreamCount
+from pipeline.outputs.summary import Latency, SubstreamCount
 
 #: what became of a frame whose end nobody knows: where it was seen last
 _AFTER_SOURCE = "lost_last_seen_at_source"
@@ -76,7 +77,6 @@ def _substream(
     dropped = Counter(
         _fate(index, stream, detector, count, reducer) for index in offered if index not in processed
     )
-    means = {f"{hop}_s": _mean(reducer.hops[stream, detector][hop]) for hop in HOPS}
     return SubstreamCount(
         stream,
         detector,
@@ -86,7 +86,7 @@ def _substream(
         len(processed),
         dict(dropped),
         reducer.detections[stream, detector],
-        MeanHops(**means),
+        _latencies(reducer.hops[stream, detector]),
     )
 
 
@@ -124,5 +124,10 @@ def contradictions(stream: str, count: SourceCount, reducer: ReducerStage) -> li
     return found
 
 
-def _mean(histogram: HopHistogram) -> float | None:
-    return histogram.sum_s / sum(histogram.counts) if sum(histogram.counts) else None
+def _latencies(hops: Mapping[str, HopHistogram]) -> dict[str, Latency]:
+    found = {}
+    for hop, histogram in hops.items():
+        mean_s, median_s, p99_s = histogram.mean_s, histogram.at_most_s(0.5), histogram.at_most_s(0.99)
+        if mean_s is not None and median_s is not None and p99_s is not None:
+            found[hop] = Latency(mean_s, median_s, p99_s)
+    return found

@@ -23,7 +23,16 @@ from pipeline.second_look.areas import SecondLookArea
 from pipeline.second_look.flight import SecondFlight
 from pipeline.storage.whole_or_nothing import write_text
 
-_HOPS = (("encode_s", "Encode"), ("transfer_s", "Transfer"), ("decode_s", "Decode"), ("detect_s", "Detect"))
+#: of the columns of the table of substreams
+_HOPS = {
+    "encode": "Encode",
+    "transfer": "Transfer",
+    "decode": "Decode",
+    "detect": "Detect",
+    "own": "Waiting",
+    "hold": "Order",
+    "capture_to_map": "Capture to map",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,9 +99,7 @@ def render_report(data: ReportData) -> str:
         map_png=png(map_picture(data.voxel_map, data.tracks, places, data.truth, possible)),
         schedule_png=png(data.schedule),
         hops=[
-            (name, title)
-            for name, title in _HOPS
-            if any(getattr(s.hops, name) is not None for s in summary.substreams)
+            (name, title) for name, title in _HOPS.items() if any(name in s.hops for s in summary.substreams)
         ],
         second_look=data.second_look,
         second_flight=data.second_flight,

@@ -28,13 +28,14 @@ from pipeline.storage.whole_or_nothing import WRITTEN_BY, write_text
 
 
 @dataclass(frozen=True)
-class MeanHops:
-    """Mean seconds that a result spent on each part of its way; None where there was no result."""
+class Latency:
+    """Seconds that results spent on one part of their way. median_at_most_s, p99_at_most_s: upper bounds, as far as the
+    buckets of a histogram tell; inf: above all of them.
+    """
 
-    encode_s: float | None = None
-    transfer_s: float | None = None
-    decode_s: float | None = None
-    detect_s: float | None = None
+    mean_s: float
+    median_at_most_s: float
+    p99_at_most_s: float
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,7 @@ class SubstreamCount:
     processed: int
     dropped: Mapping[str, int]
     detections: int
-    hops: MeanHops = MeanHops()
+    hops: Mapping[str, Latency] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if self.offered != self.processed + sum(self.dropped.values()):
@@ -216,10 +217,7 @@ def _substream(substream: SubstreamCount) -> dict[str, Any]:
         "processed": substream.processed,
         "dropped": dict(substream.dropped),
         "detections": substream.detections,
-        "mean_encode_s": substream.hops.encode_s,
-        "mean_transfer_s": substream.hops.transfer_s,
-        "mean_decode_s": substream.hops.decode_s,
-        "mean_detect_s": substream.hops.detect_s,
+        "latency": {hop: asdict(seconds) for hop, seconds in substream.hops.items()},
     }
 
 

@@ -33,7 +33,7 @@ def detections(draw: st.DrawFn) -> Detections:
         draw(array(np.float64, (count, 4))),
         draw(array(np.float64, count)),
         draw(array(np.int64, count)),
-        Hops(*(draw(st.floats(0.0, 1e9)) for _ in range(4))),
+        Hops(*(draw(st.floats(0.0, 1e9)) for _ in range(6)), draw(st.integers(0, 2**63 - 1))),
     )
 
 

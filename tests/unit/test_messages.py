@@ -32,7 +32,7 @@ def detections(count: int = 2) -> Detections:
         np.arange(4.0 * count).reshape(count, 4),
         np.full(count, 0.5),
         np.zeros(count, np.int64),
-        Hops(0.1, 0.2, 0.3, 0.4),
+        Hops(0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 7),
     )
 
 

@@ -29,12 +29,12 @@ class DetectorStage:
         self._detector = detector
         self._decoder = Decoder(codec)
 
-    def process(self, message: Message, received_ns: int) -> Message:
+    def process(self, message: Message, received_ns: int, wait_s: float = 0.0) -> Message:
         """Detections for a packet, or Dropped if it cannot be decoded or the network says NaN of it.
 
         The end of the stream comes back as it is.
 
-        received_ns: when the message arrived, ns UTC.
+        received_ns: when the message arrived, ns UTC. wait_s: how long it has waited since.
         """
         if isinstance(message, EndOfStream):
             return message
@@ -61,7 +61,14 @@ class DetectorStage:
             boxes_px=_in_own_picture(boxes, image, message),
             scores=scores,
             class_ids=classes,
-            hops=Hops(message.encode_s, transfer_s, decoded - started, detected - decoded),
+            hops=Hops(
+                encode_s=message.encode_s,
+                transfer_s=transfer_s,
+                decode_s=decoded - started,
+                detect_s=detected - decoded,
+                source_s=message.source_s,
+                wait_s=wait_s,
+            ),
             epoch=message.epoch,
             sequence=message.sequence,
         )

@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ from pipeline.detection import NotFiniteError
 from pipeline.errors import SearchlightError, failure
 from pipeline.link.codec import Codec
 from pipeline.logs import Log
-from pipeline.messages import Dropped, EndOfStream, FloatArray, Message, Packet
+from pipeline.messages import Detections, Dropped, EndOfStream, FloatArray, Message, Packet
 from pipeline.mission.controller.events import FailedSubstream, MachineReport
 from pipeline.mission.controller.orders import Run
 from pipeline.mission.controller.substreams import Opened, Substream
@@ -164,17 +164,25 @@ class MachineStage:
             stage = DetectorStage(self._network(held.opened.assignment), self._of(held.opened.assignment))
             held.ready.set()
             while (waiting := held.inbox.get()) is not None:
-                late = held.inbox.is_late(waiting)
                 message = waiting.message
-                self._send(
-                    stage.skip(message) if late else stage.process(message, waiting.received_ns), False
-                )
+                if held.inbox.is_late(waiting):
+                    self._send(stage.skip(message), False)
+                else:
+                    waited_s = self._clock.monotonic_s() - waiting.received_s
+                    result = stage.process(message, waiting.received_ns, waited_s)
+                    self._send(self._stamped(result), False)
                 if isinstance(message, EndOfStream):
                     return
         except Exception as error:
             self._fail(key, failure(error))
         finally:
             held.ready.set()  # whoever waits for it need not wait any longer
+
+    def _stamped(self, result: Message) -> Message:
+        """In real time a result says when it was made."""
+        if not isinstance(result, Detections) or not self._drops:
+            return result
+        return replace(result, hops=replace(result.hops, answered_ns=self._clock.utc_ns()))
 
     def _of(self, assignment: Assignment) -> Codec:
         return assignment.codec or self._codec

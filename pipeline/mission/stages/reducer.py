@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import bisect
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
 
 from pipeline.allocation.plan import Assignment, assignment_from_json
 from pipeline.fusion.fuser import Fuser
@@ -14,10 +12,7 @@ from pipeline.fusion.sequencer import Sequencer
 from pipeline.logs import Log
 from pipeline.messages import Detections, Dropped, EndOfStream, Message
 from pipeline.mission.stages.frame_tally import FrameTally
-
-HOPS = ("encode", "transfer", "decode", "detect")
-#: upper bounds of the latency histogram, seconds
-LATENCY_BUCKETS_S = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0)
+from pipeline.mission.stages.latency import HOPS, HopHistogram, on_its_way
 
 _LOG = Log("fusion")
 _LATE = "late, applied out of its place"
@@ -32,25 +27,13 @@ def nothing_to_learn(fuser: Fuser, assignment: Assignment, epoch: int) -> None:
     """Every substream is worth what its detector is."""
 
 
-@dataclass
-class HopHistogram:
-    """Counts per bucket (the last one: above all bounds), and the sum of seconds."""
-
-    counts: list[int] = field(default_factory=lambda: [0] * (len(LATENCY_BUCKETS_S) + 1))
-    sum_s: float = 0.0
-
-    def observe(self, seconds: float) -> None:
-        """Count one value."""
-        self.counts[bisect.bisect_left(LATENCY_BUCKETS_S, seconds)] += 1
-        self.sum_s += seconds
-
-
 class ReducerStage:
     """Owns the map. received, processed, dropped: frame indices per (stream, detector).
 
     begun_with: substreams that it was made for. opened: what was opened later, assignments as JSON by substream and
     epoch. closed: why a substream was closed before its end, by (stream, detector). drops: how many of
     ``dropped``, by reason. tallies: frames by stream, each once. fuser: whoever reads its map calls ``settle`` before.
+    utc_ns: a clock, in real time, by which results are timed; None: those on their way to the reducer are not.
     """
 
     def __init__(
@@ -71,6 +54,8 @@ class ReducerStage:
         self.detections: Counter[tuple[str, str]] = Counter()
         self.hops: dict[tuple[str, str], dict[str, HopHistogram]] = {}
         self.sequencer, self._learn = sequencer, learn
+        self.utc_ns: Callable[[], int] | None = None
+        self._came_ns: dict[tuple[str, str, int, int], int] = {}
         self.closed: dict[tuple[str, str], str] = {}
         self.opened: dict[tuple[str, str, int], str] = {}
         self.begun_with = tuple(sorted(substreams))
@@ -117,6 +102,8 @@ class ReducerStage:
             self._drop(message)
         if isinstance(message, Detections):
             self.received[message.stream, message.detector].add(message.index)
+            if self.utc_ns is not None:
+                self._came_ns[_numbered(message)] = self.utc_ns()
         if isinstance(message, Detections | Dropped | EndOfStream):
             self._apply(self.sequencer.push(message))
         if isinstance(message, EndOfStream):
@@ -179,5 +166,14 @@ class ReducerStage:
             self.processed[result.stream, result.detector].add(result.index)
             self.tallies[result.stream].look(result.index)
             self.detections[result.stream, result.detector] += len(result.scores)
-            for hop in HOPS:
-                self.hops[result.stream, result.detector][hop].observe(getattr(result.hops, f"{hop}_s"))
+            self._time(result)
+
+    def _time(self, result: Detections) -> None:
+        now_ns = 0 if self.utc_ns is None else self.utc_ns()
+        histograms = self.hops[result.stream, result.detector]
+        for hop, seconds in on_its_way(result, self._came_ns.pop(_numbered(result), None), now_ns).items():
+            histograms[hop].observe(seconds)
+
+
+def _numbered(result: Detections) -> tuple[str, str, int, int]:
+    return result.stream, result.detector, result.epoch, result.sequence

@@ -269,9 +269,11 @@ class SourceStage:
     def offer(self, frame: Frame, now_s: float, late_s: float = 0.0) -> None:
         """Encode and send the frame for each detector whose turn it is; late_s: since it was due."""
         self._hear()
+        offered_s = time.perf_counter() - max(0.0, late_s)
         due = [o for o in self._epoch.substreams if frame.tick % o.assignment.period == o.assignment.phase]
         reasons = {
-            o.assignment.detector: self._why_not(o.assignment, now_s, late_s) or self._send(frame, o, now_s)
+            o.assignment.detector: self._why_not(o.assignment, now_s, late_s)
+            or self._send(frame, o, now_s, offered_s)
             for o in due
         }
         self.count.due[frame.index] = tuple(reasons)
@@ -299,10 +301,10 @@ class SourceStage:
             return "link_full"
         return "too_old" if late_s + backlog_s > self._params.most_age_s else None
 
-    def _send(self, frame: Frame, opened: Opened, now_s: float) -> str | None:
-        """Why the frame could not be sent, or None."""
+    def _send(self, frame: Frame, opened: Opened, now_s: float, due_s: float) -> str | None:
+        """Why the frame could not be sent, or None. due_s: when it was due, of ``time.perf_counter``."""
         assignment = opened.assignment
-        packet = self._encode(frame, opened)
+        packet = self._encode(frame, opened, due_s)
         if self._link.send(assignment.site, assignment.detector, packet, now_s):
             self._packets_sent[assignment.detector] += 1
             return None
@@ -320,12 +322,13 @@ class SourceStage:
             keyframe_interval=max(1, round(self._params.keyframe_interval_s * rate_hz)),
         )
 
-    def _encode(self, frame: Frame, opened: Opened) -> Packet:
+    def _encode(self, frame: Frame, opened: Opened, due_s: float) -> Packet:
         assignment = opened.assignment
         started = time.perf_counter()
         encoder = self._encoders[assignment.detector]
         encoded = encoder.encode_frame(frame.planes, frame.tick // assignment.period)
         encode_s = time.perf_counter() - started
+        source_s = max(0.0, started - due_s)
         base = Fraction(assignment.period / self.stream.processing_rate_hz).limit_denominator(90_000)
         return Packet(
             stream=frame.stream,
@@ -343,4 +346,5 @@ class SourceStage:
             height=self.stream.video.height,
             epoch=opened.epoch,
             sequence=self._packets_sent[assignment.detector],
+            source_s=source_s,
         )

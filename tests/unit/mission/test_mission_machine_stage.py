@@ -249,3 +249,20 @@ def test_beyond_their_number_the_oldest_results_are_given_up_and_counted() -> No
         kept.keep(Dropped("v", "d", k, k, "undecodable", 0, k))
     assert [r.sequence for r in kept.again()] == [2, 3, 4]
     assert kept.given_up == 2
+
+
+def test_a_result_says_how_long_its_packet_waited_and_when_it_was_made() -> None:
+    class Slow:
+        now_s = 100.0
+
+    clock = Clock(monotonic_s=lambda: Slow.now_s, utc_ns=lambda: round(Slow.now_s * 1e9))
+    machine = Machine(clock=clock)
+    of = opened()
+    machine.run(of)
+    machine.networks[0].detect = lambda image: setattr(Slow, "now_s", Slow.now_s + 0.25) or NOTHING
+    with machine.stage._held[of.key].inbox._changed:  # both are there before the first one is looked at
+        for packet in packets(of, 2):
+            machine.stage.put(packet)
+    first, second = machine.answer(), machine.answer()
+    assert (first.hops.wait_s, second.hops.wait_s) == (0.0, 0.25)
+    assert (first.hops.answered_ns, second.hops.answered_ns) == (100_250_000_000, 100_500_000_000)

@@ -115,6 +115,20 @@ def test_a_packet_carries_capture_time_and_what_the_link_needed(video: Path) -> 
     assert all(p.link_s > 0 for p in packets[1:])
 
 
+def test_a_packet_says_how_late_its_frame_was_and_encoding_is_apart(video: Path) -> None:
+    packets: list[Message] = []
+    link = VirtualLink({"site": math.inf}, lambda _, message: packets.append(message))
+    stage = SourceStage(stream_input(video, 10.0), (assignment("d"), assignment("e")), link)
+    frame = next(stage.frames())
+    stage.offer(frame, 0.5, late_s=0.5)
+    first, second = packets
+    assert isinstance(first, Packet)
+    assert isinstance(second, Packet)
+    assert first.source_s == pytest.approx(0.5, abs=0.4)
+    assert first.source_s >= 0.5
+    assert second.source_s >= first.source_s + first.encode_s, "it waits for the encoding of the first"
+
+
 def test_a_frame_that_comes_too_late_is_dropped_as_late(video: Path) -> None:
     link = VirtualLink({"site": float("inf")}, lambda detector, message: None)
     stage = SourceStage(stream_input(video, 10.0), (assignment("a"),), link, SourceParams(max_backlog_s=0.5))

@@ -18,7 +18,7 @@ from pipeline.messages import FloatArray
 from pipeline.outputs.accounting import StreamAccount
 from pipeline.outputs.place_picture import PlacePicture
 from pipeline.outputs.report import ReportData
-from pipeline.outputs.summary import LinkUse, MeanHops, SubstreamCount, Summary
+from pipeline.outputs.summary import Latency, LinkUse, SubstreamCount, Summary
 from pipeline.outputs.truth import TruePerson, match_truth
 
 START_NS = 1_777_629_600_000_000_000  # 2026-05-01T10:00:00Z
@@ -132,7 +132,12 @@ def summary_of(locations: tuple[SalientLocation, ...], truth: tuple[TruePerson, 
                 300,
                 {"link_full": 5},
                 41,
-                MeanHops(0.003, 0.041, 0.001, 0.05),
+                {
+                    "encode": Latency(0.003, 0.005, 0.01),
+                    "transfer": Latency(0.041, 0.05, 0.1),
+                    "decode": Latency(0.001, 0.001, 0.0025),
+                    "detect": Latency(0.05, 0.05, 0.1),
+                },
             ),
             SubstreamCount("drone-2", "jetson:nano", "jetson", "drone-2", 600, 600, {}, 77),
         ],

@@ -17,7 +17,7 @@ from pipeline.outputs.local_times import LocalTimes
 from pipeline.outputs.map_picture import second_look_picture
 from pipeline.outputs.place_picture import PlacePicture
 from pipeline.outputs.report import ReportData, render_report, write_report
-from pipeline.outputs.summary import MeanHops
+from pipeline.outputs.summary import Latency
 from pipeline.outputs.truth import match_truth
 from pipeline.outputs.verdict import judge
 from pipeline.second_look.areas import SecondLookArea
@@ -244,7 +244,7 @@ def test_no_column_is_empty(search: Search) -> None:
     data = search()
     summary = data.summary
     links = [replace(link, bandwidth_bps=float("inf")) for link in summary.links]
-    substreams = [replace(one, hops=MeanHops(detect_s=0.05)) for one in summary.substreams]
+    substreams = [replace(one, hops={"detect": Latency(0.05, 0.05, 0.1)}) for one in summary.substreams]
     for shown in (summary, replace(summary, links=links, substreams=substreams)):
         html = render_report(replace(data, summary=shown))
         for table in re.findall(r"<table>(.*?)</table>", html, re.S):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pipeline.outputs.report import ReportData
-from pipeline.outputs.summary import LinkUse, MeanHops, _link, write_summary
+from pipeline.outputs.summary import Latency, LinkUse, _link, write_summary
 from pipeline.storage.whole_or_nothing import check_run_directory
 
 Search = Callable[..., ReportData]
@@ -36,7 +36,8 @@ def test_the_summary_holds_what_the_run_did(search: Search, tmp_path: Path) -> N
     assert summary["truth"]["false"] == [3]
     assert summary["truth"]["missed"] == ["half hidden"]
     assert len(summary["truth"]["found"]) == 2
-    assert summary["substreams"][1]["mean_decode_s"] is None
+    assert summary["substreams"][0]["latency"]["detect"]["p99_at_most_s"] == 0.1
+    assert summary["substreams"][1]["latency"] == {}
 
 
 def test_a_summary_marks_its_folder_as_ours(search: Search, tmp_path: Path) -> None:
@@ -46,12 +47,12 @@ def test_a_summary_marks_its_folder_as_ours(search: Search, tmp_path: Path) -> N
 
 def test_what_is_not_a_number_becomes_null(search: Search, tmp_path: Path) -> None:
     summary = search().summary
-    substream = dataclasses.replace(summary.substreams[0], hops=MeanHops(math.nan, math.inf, 0.0, None))
+    substream = dataclasses.replace(summary.substreams[0], hops={"hold": Latency(math.nan, math.inf, 0.0)})
     plan = dataclasses.replace(summary.plan, objective=None, gap=math.nan)
     write_summary(tmp_path / "a", dataclasses.replace(summary, substreams=[substream], plan=plan))
     content = strict(tmp_path / "a")
-    assert content["substreams"][0]["mean_encode_s"] is None
-    assert content["substreams"][0]["mean_transfer_s"] is None
+    latency = {"mean_s": None, "median_at_most_s": None, "p99_at_most_s": 0.0}
+    assert content["substreams"][0]["latency"] == {"hold": latency}
     assert content["plan"]["gap"] is None
 
 
