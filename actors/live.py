@@ -253,6 +253,8 @@ class LiveWiring(Wiring):
         except SearchlightError as error:
             peer.due_s = float("inf")
             return [Gone(actor, peer.incarnation, in_one_line(error))]
+        if actor == REDUCER:
+            self._record.looked_at(peer.status.frames, time.monotonic())
         if actor.startswith("source:"):
             self._heard_of_a_live_stream(peer.status)
         # what broke on a machine is in its report, substream by substream

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -38,6 +39,7 @@ class LiveRecord:
     log: list[Recorded] = field(default_factory=list)
     timeline: list[TimelineEntry] = field(default_factory=list)
     ran: dict[tuple[str, str], Assignment] = field(default_factory=dict)
+    seen: set[str] = field(default_factory=set)
 
     @classmethod
     def of(cls, prepared: PreparedMission, run: Path, begun_s: float) -> LiveRecord:
@@ -79,6 +81,13 @@ class LiveRecord:
         entry = TimelineEntry(round(now_s - self.begun_s, 3), say.what, say.subject, say.detail)
         self.timeline.append(entry)
         _LOG.event(say.what, subject=say.subject, detail=say.detail)
+
+    def looked_at(self, frames: Mapping[str, int], now_s: float) -> None:
+        """Note the streams of which the map has something for the first time. frames: so far, by stream."""
+        for stream, count in frames.items():
+            if count and stream not in self.seen:
+                self.seen.add(stream)
+                self.note(Say("first result", stream), now_s)
 
     def close(self) -> None:
         """The mission is over."""
