@@ -17,6 +17,10 @@ class NoAnswerError(RunFailedError):
     """An actor did not answer in time."""
 
 
+class UnreachableError(RunFailedError):
+    """The way to an actor broke; it may go on behind it."""
+
+
 def remote(actor: type, site: str | None) -> Any:
     """The class of an actor at a site, or anywhere."""
     import ray
@@ -46,6 +50,9 @@ def get(what: Any, who: str, timeout_s: float | None = None) -> Any:
         if isinstance(error.cause, SearchlightError):
             raise error.cause from None
         raise RunFailedError(f"{who} failed: {error}") from None
+    except ray.exceptions.ActorUnavailableError as error:
+        _LOG.warning("an actor is out of reach", who=who, error=str(error))
+        raise UnreachableError(f"{who} is out of reach") from None
     except ray.exceptions.RayActorError as error:
         _LOG.warning("an actor died", who=who, error=str(error))
         raise RunFailedError(f"{who} died") from None

@@ -14,13 +14,14 @@ from typing import Any
 
 import numpy as np
 
-from actors.calls import get, kill, remote, remote_here
+from actors.calls import UnreachableError, get, kill, remote, remote_here
 from actors.hosted_controller import HostedController
 from actors.live_record import LiveRecord
 from actors.machine import MachineActor
 from actors.metrics import RunCollector, Snapshot
 from actors.reducer import ReducerActor
 from actors.scheduler import SchedulerActor
+from actors.site import sites_here
 from actors.source import SourceActor, SourceStatus
 from actors.stream_health import StreamHealths
 from actors.wiring import LAST_WORD_S, Wiring
@@ -99,7 +100,9 @@ class LiveWiring(Wiring):
         self._finish_ordered = False
         self._healths, self._ways = StreamHealths(), dict[str, list[FloatArray]]()
         self._live_ways = LiveWays(journal.folder.parent / LIVE, self._prepared)
-        self._record = LiveRecord.of(self._prepared, journal.folder.parent, time.monotonic())
+        self._record = LiveRecord.of(
+            self._prepared, journal.folder.parent, time.monotonic(), sites_here(self._prepared.problem.sites)
+        )
         self._controller.begin(plan, self._record, time.monotonic())
         self._begin_reducer(0)
         reducer = self._peers[REDUCER]
@@ -246,13 +249,17 @@ class LiveWiring(Wiring):
         peer.asked, peer.due_s = None, time.monotonic() + self.params.poll_s
         try:
             report, peer.status = get(ref, actor)
+        except UnreachableError:  # it counts as silent, and is asked again
+            return []
+        except SearchlightError as error:
+            return [self._gone(actor, peer, error)]
+        try:
             if peer.reached is None and peer.endpoint is not None:
                 peer.reached = get(peer.endpoint, actor, 5.0)
                 if actor == REDUCER:
                     self._tell_machines_the_reducer(peer.reached)
         except SearchlightError as error:
-            peer.due_s = float("inf")
-            return [Gone(actor, peer.incarnation, in_one_line(error))]
+            return [self._gone(actor, peer, error)]
         if actor == REDUCER:
             self._record.looked_at(peer.status.frames, time.monotonic())
         if actor.startswith("source:"):
@@ -261,8 +268,12 @@ class LiveWiring(Wiring):
         if actor.startswith("machine:") or peer.status.error is None:
             event: Event = report
             return [event]
+        return [self._gone(actor, peer, peer.status.error)]
+
+    @staticmethod
+    def _gone(actor: str, peer: _Peer, error: SearchlightError) -> Gone:
         peer.due_s = float("inf")
-        return [Gone(actor, peer.incarnation, in_one_line(peer.status.error))]
+        return Gone(actor, peer.incarnation, in_one_line(error))
 
     def _heard_of_a_live_stream(self, status: SourceStatus) -> None:
         if status.way is not None:

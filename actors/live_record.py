@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -42,13 +42,13 @@ class LiveRecord:
     seen: set[str] = field(default_factory=set)
 
     @classmethod
-    def of(cls, prepared: PreparedMission, run: Path, begun_s: float) -> LiveRecord:
-        """A new one. run: the run directory."""
+    def of(cls, prepared: PreparedMission, run: Path, begun_s: float, here: Collection[str]) -> LiveRecord:
+        """A new one. run: the run directory. here: sites on this host."""
         make_folder(run / ACTOR_LOGS)
-        file = ControllerLog(run / ACTOR_LOGS / CONTROLLER_LOG, prepared.problem, begun_s)
+        file = ControllerLog(run / ACTOR_LOGS / CONTROLLER_LOG, prepared.problem, begun_s, here)
         area = AreaInFlight(prepared, run)
         desk = OperatorsDesk(run, [s.stream for s in prepared.streams], area.change)
-        return cls(begun_s, begin(prepared.problem, begun_s), file, desk, area)
+        return cls(begun_s, begin(prepared.problem, begun_s, here=here), file, desk, area)
 
     @property
     def losses(self) -> Counter[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from typing import Any
 
 from pipeline.errors import InputError
 
@@ -32,6 +33,16 @@ def require_sites(sites: Iterable[str], cluster: Mapping[str, float], address: s
                 f"no node with the resource {resource(site)!r}",
                 f"one, started with: {start}",
             )
+
+
+def sites_here(sites: Iterable[str]) -> frozenset[str]:
+    """Those that the node of the caller plays: no radio lies between."""
+    import ray
+
+    own = ray.get_runtime_context().get_node_id()
+    nodes: list[dict[str, Any]] = ray.nodes()  # type: ignore[no-untyped-call]
+    offered: Mapping[str, float] = next((n["Resources"] for n in nodes if n["NodeID"] == own), {})
+    return frozenset(site for site in sites if offered.get(resource(site), 0.0) > 0.0)
 
 
 def own_host() -> str:

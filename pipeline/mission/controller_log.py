@@ -10,7 +10,7 @@ from __future__ import annotations
 import gzip
 import json
 import zlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, get_args
@@ -29,7 +29,7 @@ from pipeline.storage.plain_records import from_plain, to_plain
 
 #: its name within the folder of a run's logs
 CONTROLLER_LOG = "controller.jsonl.gz"
-_FORMAT = "searchlight controller log 1"
+_FORMAT = "searchlight controller log 2"
 _PARTS = (
     *(Problem, MachineLimit, Detector, Deadline, Setup, Tiling),
     *(Assignment, Substream, FailedSubstream, LinkMeasure, Unserved),
@@ -41,15 +41,16 @@ _LOG = Log("mission")
 class ControllerLog:
     """The file of a mission that goes on. What cannot be written (a full disk) ends the log and not the mission."""
 
-    def __init__(self, path: Path, problem: Problem, begun_s: float) -> None:
-        """begun_s: as given to ``begin``."""
+    def __init__(self, path: Path, problem: Problem, begun_s: float, here: Collection[str]) -> None:
+        """begun_s, here: as given to ``begin``."""
         self._path = path
         self._file: gzip.GzipFile | None = None
         try:
             self._file = gzip.GzipFile(path, "wb", compresslevel=4)
         except OSError as error:
             self._given_up(error)
-        self._write([{"format": _FORMAT, "begun_s": begun_s, "problem": to_plain(problem)}])
+        head = {"format": _FORMAT, "begun_s": begun_s, "here": sorted(here), "problem": to_plain(problem)}
+        self._write([head])
 
     def append(self, recorded: Iterable[Recorded]) -> None:
         """Add what was taken and ordered."""
@@ -91,7 +92,7 @@ def replayed(path: Path) -> tuple[MissionState, int]:
         raise InputError(path, "no log of a mission controller of this version", f"a {CONTROLLER_LOG}")
     number = 0
     try:
-        state = begin(from_plain(head["problem"], _CLASSES), head["begun_s"])
+        state = begin(from_plain(head["problem"], _CLASSES), head["begun_s"], here=head["here"])
         for number, line in enumerate(lines, start=1):
             event = from_plain(line["event"], _CLASSES)
             state, orders = step(state, event, line["at_s"])

@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from pipeline.mission.controller.adoption import adopt
+from pipeline.mission.controller.away import notice_cut_off
 from pipeline.mission.controller.events import (
     Elapsed,
     Event,
@@ -53,7 +54,7 @@ def step(state: MissionState, event: Event, now: float) -> Step:
     """
     state = _excuse_own_absence(state, now)
     state, orders = _take(state, event, now)
-    for stage in (notice_silence, restart_what_is_due, _ask):
+    for stage in (notice_cut_off, notice_silence, restart_what_is_due, _ask):
         state, more = stage(state, now)
         orders += more
     held = holdings(state)

@@ -10,6 +10,10 @@ class ControllerParams:
     """Times in seconds, by the clock that ``step`` is given.
 
     silence_s: an actor unheard for so long is lost; what was promised is that a loss is noticed within 2 s.
+    quiet_s: unheard for so long, an actor is silent together with another one of its site.
+    away_s: a site whose actors fell silent together is cut off, and left alone for so long.
+    rejoin_s: who is not heard so long after another one of its site is heard again is lost; a connection that retries
+    seldom may take half a minute.
     boot_s: as long may an actor take from its start to its first report.
     replace_s: a silent actor, which may only be slow, is ended and started again after so long.
     restart_backoff_s, longest_backoff_s: wait before a start, doubled with every loss of the same actor.
@@ -28,6 +32,9 @@ class ControllerParams:
     """
 
     silence_s: float = 1.5
+    quiet_s: float = 0.75
+    away_s: float = 120.0
+    rejoin_s: float = 30.0
     boot_s: float = 30.0
     replace_s: float = 2.0
     restart_backoff_s: float = 0.25

@@ -1,4 +1,4 @@
-"""The life of one actor as the controller sees it: starting, up, lost, started again."""
+"""The life of one actor as the controller sees it: starting, up, away with its site, lost, started again."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Literal
 
 from pipeline.mission.controller.params import ControllerParams
 
-Life = Literal["starting", "up", "lost"]
+Life = Literal["starting", "up", "away", "lost"]
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ def excused(peer: Peer, away_s: float) -> Peer:
 def is_silent(peer: Peer, now: float, params: ControllerParams) -> bool:
     """Whether it should have been heard by now."""
     patience_s = params.boot_s if peer.life == "starting" else params.silence_s
-    return peer.life != "lost" and now - peer.heard_s > patience_s
+    return peer.life in ("starting", "up") and now - peer.heard_s > patience_s
 
 
 def lost(peer: Peer, reason: str, now: float, params: ControllerParams, *, ended: bool) -> Peer:

@@ -12,7 +12,8 @@ from pipeline.mission.controller.state import MissionState
 class Situation:
     """What a plan depends on beside the inventory; two equal ones have the same best plan.
 
-    machines: that are up. barred: detectors that broke too often. links: stream, site, bit/s.
+    machines: that are up, or work on behind a radio that is away. barred: detectors that broke too often. links:
+    stream, site, bit/s.
     """
 
     streams: tuple[str, ...]
@@ -26,7 +27,7 @@ def situation_of(state: MissionState) -> Situation:
     streams = tuple(v for v in state.problem.streams if state.streams[v].is_planned_for)
     return Situation(
         streams,
-        tuple(m.id for m in state.problem.machines if state.machines[m.id].peer.is_up),
+        tuple(m.id for m in state.problem.machines if state.machines[m.id].peer.life in ("up", "away")),
         tuple(sorted(d for d, count in state.failures.items() if count >= state.params.failures)),
         tuple((v, s, link.planned_bps) for (v, s), link in sorted(state.links.items()) if v in streams),
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 
 from pipeline.allocation.problem import Problem
@@ -109,7 +109,8 @@ class Given:
 class MissionState:
     """The mission at one moment.
 
-    problem: of the whole inventory; ``situation.problem_now`` is what is left of it. requests: questions to the solver
+    problem: of the whole inventory; ``situation.problem_now`` is what is left of it. here: sites on the scheduler's own
+    host, from which no radio parts it. requests: questions to the solver
     so far. situation: the one that the standing plan was made for. failures: how often each detector broke. given: the
     last order to each actor. begun_s, last_s: time of the first and of the last step.
     """
@@ -120,6 +121,7 @@ class MissionState:
     streams: Mapping[str, StreamState]
     reducer: ReducerState
     links: Mapping[tuple[str, str], LinkState]
+    here: frozenset[str] = frozenset()
     known: Mapping[Substream, Known] = field(default_factory=dict)
     failures: Mapping[str, int] = field(default_factory=dict)
     given: Mapping[str, Given] = field(default_factory=dict)
@@ -131,8 +133,13 @@ class MissionState:
     finished: bool = False
 
 
-def begin(problem: Problem, now: float, params: ControllerParams | None = None) -> MissionState:
-    """The state before the first event: every actor is being started."""
+def begin(
+    problem: Problem,
+    now: float,
+    params: ControllerParams | None = None,
+    here: Collection[str] | None = None,
+) -> MissionState:
+    """The state before the first event: every actor is being started. here: see MissionState; None: all sites."""
     return MissionState(
         problem,
         params or ControllerParams(),
@@ -140,6 +147,7 @@ def begin(problem: Problem, now: float, params: ControllerParams | None = None) 
         streams={v: StreamState(starting(now)) for v in problem.streams},
         reducer=ReducerState(starting(now), ReducerReport(0)),
         links={link: declared(bps) for link, bps in problem.link_bps.items()},
+        here=frozenset(problem.sites if here is None else here),
         begun_s=now,
         last_s=now,
     )

@@ -7,17 +7,17 @@ from typing import Literal
 
 import numpy as np
 
-Kind = Literal["kill", "stop", "crash", "rate", "down", "cut"]
+Kind = Literal["kill", "stop", "crash", "rate", "down", "cut", "part"]
 _KINDS: tuple[Kind, ...] = ("kill", "stop", "crash", "rate", "down", "cut")
 
 
 @dataclass(frozen=True)
 class Fault:
     """kind: ``kill`` and ``stop`` an actor, ``crash`` one detector of a machine, ``rate`` of a link times a factor,
-    ``down`` and ``cut`` a link.
+    ``down`` and ``cut`` a link, ``part`` a site from all others: no word and no packet comes through.
 
-    target: an actor's name, or ``STREAM>SITE``. duration_s: of a stop, of a link's trouble, or until a machine that was
-    killed can be started again; infinite: for good. number: which detector; or the factor of a rate.
+    target: an actor's name, ``STREAM>SITE``, or ``site:SITE``. duration_s: of a stop, of a link's trouble, or until a
+    machine that was killed can be started again; infinite: for good. number: which detector; or the factor of a rate.
     """
 
     at_s: float

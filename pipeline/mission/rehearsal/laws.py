@@ -259,7 +259,9 @@ def _replayed(rehearsal: Rehearsal, params: LawParams) -> Iterator[str]:
     if not params.replayed:
         return
     try:
-        state = replay(begin(rehearsal.problem, 0.0, scheduler.state.params), scheduler.log)
+        state = replay(
+            begin(rehearsal.problem, 0.0, scheduler.state.params, scheduler.state.here), scheduler.log
+        )
     except ValueError as error:
         yield str(error)
         return

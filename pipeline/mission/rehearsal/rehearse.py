@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections import Counter
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
 
 from pipeline.allocation.problem import Problem
-from pipeline.mission.controller.events import Event, Gone, NotSolved, Solved
+from pipeline.mission.controller.events import Event, Gone, MachineReport, NotSolved, Solved, SourceReport
 from pipeline.mission.controller.orders import Expect, Finish, Order, Restart, Run, Say, Send, Solve
 from pipeline.mission.controller.params import ControllerParams
-from pipeline.mission.controller.state import MissionState
+from pipeline.mission.controller.state import REDUCER, MissionState, machine_actor, source_actor
 from pipeline.mission.controller.substreams import Substream
 from pipeline.mission.rehearsal.chaos import Fault
 from pipeline.mission.rehearsal.link import ModelLink
@@ -77,7 +78,9 @@ class Rehearsal:
         seed: int = 0,
         network: NetworkParams | None = None,
         params: ControllerParams | None = None,
+        here: Collection[str] | None = None,
     ) -> None:
+        """here: sites on the scheduler's own host; None: all."""
         self.problem, self.ticks, self.faults = problem, ticks, faults
         self.timeline, self.noted = Timeline(), Noted()
         self._rng, self._network = np.random.default_rng(seed), network or NetworkParams()
@@ -89,7 +92,9 @@ class Rehearsal:
             self._carry_out,
             params or ControllerParams(),
             self._solve_s,
+            here,
         )
+        self._parted: Counter[str] = Counter()
         self.reducer = ModelReducer(self.timeline, self._report, self._acknowledge)
         memory = {d.id: d.memory_bytes for d in problem.detectors}
         self.machines = {
@@ -146,10 +151,20 @@ class Rehearsal:
 
     # --- what goes between the actors
 
-    def _carried(self, act: Callable[[], None]) -> None:
-        """Bring a message of control to where it goes, or lose it."""
-        if self._rng.random() >= self._network.loss:
+    def _carried(self, act: Callable[[], None], actor: str) -> None:
+        """Bring a message of control, or a result, from or to an actor to where it goes, or lose it."""
+        if self._rng.random() >= self._network.loss and not self._parted[self._site_of(actor)]:
             self.timeline.after(self._delay_s(self._network.delay_s), act)
+
+    def _site_of(self, actor: str) -> str:
+        """Where it is; the reducer and the scheduler are where no radio parts them."""
+        kind, _, name = actor.partition(":")
+        if kind == "machine":
+            return next((m.site for m in self.problem.machines if m.id == name), "")
+        return self._home_of(name) if kind == "source" else ""
+
+    def _home_of(self, stream: str) -> str:
+        return next((s for s in self.problem.sites if math.isinf(self.problem.link(stream, s))), "")
 
     def _delay_s(self, between: tuple[float, float]) -> float:
         return float(self._rng.uniform(*between))
@@ -159,19 +174,19 @@ class Rehearsal:
         return math.inf if dies else self._delay_s(self._network.solve_s)
 
     def _report(self, event: Event) -> None:
-        self._carried(lambda: self.scheduler.receive(lambda: self.scheduler.hear(event)))
+        self._carried(lambda: self.scheduler.receive(lambda: self.scheduler.hear(event)), _speaker(event))
 
     def _packet(self, message: SentFrame | SentEnd) -> None:
         machine = self.machines[message.substream.detector.partition(":")[0]]
         machine.receive(lambda: machine.packet(message))
 
     def _result(self, machine: ModelMachine, message: Result | ResultEnd) -> None:
-        self._carried(lambda: self.reducer.receive(lambda: self.reducer.take(message)))
+        self._carried(lambda: self.reducer.receive(lambda: self.reducer.take(message)), machine.name)
 
     def _acknowledge(self, substream: Substream, sequences: list[int]) -> None:
         self.noted.acknowledged.setdefault(substream, set()).update(sequences)
         machine = self.machines[substream.detector.partition(":")[0]]
-        self._carried(lambda: machine.receive(lambda: machine.safe(substream, sequences)))
+        self._carried(lambda: machine.receive(lambda: machine.safe(substream, sequences)), machine.name)
 
     # --- orders
 
@@ -179,14 +194,14 @@ class Rehearsal:
         match order:
             case Run():
                 machine = self.machines[order.machine]
-                self._carried(lambda: machine.receive(lambda: machine.run(order)))
+                self._carried(lambda: machine.receive(lambda: machine.run(order)), machine.name)
             case Send():
                 source = self.sources[order.epoch.stream]
-                self._carried(lambda: source.receive(lambda: source.send(order)))
+                self._carried(lambda: source.receive(lambda: source.send(order)), source.name)
             case Expect():
-                self._carried(lambda: self.reducer.receive(lambda: self.reducer.expect(order)))
+                self._carried(lambda: self.reducer.receive(lambda: self.reducer.expect(order)), REDUCER)
             case Finish():
-                self._carried(lambda: self.reducer.receive(self._finish))
+                self._carried(lambda: self.reducer.receive(self._finish), REDUCER)
             case Restart():
                 self._restart(order)
             case Say():
@@ -215,6 +230,9 @@ class Rehearsal:
         self.noted.crashed += [(self.timeline.now, key) for key in broken]
 
     def _strike(self, fault: Fault) -> None:
+        if fault.kind == "part":
+            self._part(fault)
+            return
         if fault.kind in ("rate", "down", "cut"):
             self._strike_link(fault)
             return
@@ -251,7 +269,27 @@ class Rehearsal:
         if process is not self.reducer and fault.target.startswith("machine:"):
             self._impossible_until[fault.target] = self.timeline.now + fault.duration_s
         gone = Gone(fault.target, incarnation, "killed")
-        self.timeline.after(self._delay_s(self._network.gone_s), lambda: self._report(gone))
+        self.timeline.after(self._delay_s(self._network.gone_s), lambda: self._tell_gone(gone))
+
+    def _tell_gone(self, gone: Gone) -> None:
+        """Its node says so once it can be heard."""
+        if self._parted[self._site_of(gone.actor)]:
+            self.timeline.after(self._network.delay_s[1], lambda: self._tell_gone(gone))
+        else:
+            self._report(gone)
+
+    def _part(self, fault: Fault) -> None:
+        site = fault.target.partition(":")[2]
+        self._parted[site] += 1
+        between = [
+            f"{stream}>{to}"
+            for stream, source in self.sources.items()
+            for to in source.links
+            if (self._home_of(stream) == site) != (to == site)
+        ]
+        for link in between:
+            self._strike_link(replace(fault, kind="down", target=link))
+        self.timeline.after(fault.duration_s, lambda: self._parted.subtract([site]))
 
     def _strike_link(self, fault: Fault) -> None:
         stream, _, site = fault.target.partition(">")
@@ -267,3 +305,16 @@ class Rehearsal:
             link.rate_bps += before - changed
 
         self.timeline.after(fault.duration_s, back)
+
+
+def _speaker(event: Event) -> str:
+    """Who says it; that a process has ended, its node says."""
+    match event:
+        case MachineReport():
+            return machine_actor(event.machine)
+        case SourceReport():
+            return source_actor(event.stream)
+        case Gone():
+            return event.actor
+        case _:
+            return REDUCER

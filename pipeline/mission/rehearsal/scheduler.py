@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from functools import partial
 
 from pipeline.allocation.problem import Problem
@@ -31,17 +31,18 @@ class ModelScheduler(Process):
         carry_out: Callable[[Order], None],
         params: ControllerParams,
         solve_s: Callable[[], float],
+        here: Collection[str] | None = None,
     ) -> None:
         super().__init__("scheduler", timeline)
         self.log: list[Recorded] = []
-        self.state: MissionState = begin(problem, 0.0, params)
-        self._problem, self._params = problem, params
+        self.state: MissionState = begin(problem, 0.0, params, here)
+        self._begin = self.state
         self._solver, self._carry_out, self._solve_s = solver, carry_out, solve_s
 
     def start(self, incarnation: int) -> None:
         """A new process reads the log."""
         super().start(incarnation)
-        self.state = replay(begin(self._problem, 0.0, self._params), self.log)
+        self.state = replay(self._begin, self.log)
         if self.state.asked is not None:  # its answer died with the process before
             self.hear(NotSolved(self.state.asked.request, "the scheduler was started again"))
         self.every(ELAPSED_S, lambda: self.hear(Elapsed()))

@@ -11,6 +11,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from actors.calls import UnreachableError
 from actors.live import LiveWiring, _Peer
 from actors.live_record import LiveRecord
 from actors.machine import MachineActor, MachineParams
@@ -19,12 +20,13 @@ from actors.reducer import ReducerActor
 from actors.scheduler import Heard
 from actors.source import SourceActor
 from pipeline.allocation.plan import Assignment, Plan, assignment_to_json
+from pipeline.errors import RunFailedError
 from pipeline.link.keys import Endpoint, KeyPair
 from pipeline.link.receiver import Receiver
 from pipeline.link.sender import LinkState
 from pipeline.link.sockets import shut_down
 from pipeline.messages import Dropped
-from pipeline.mission.controller.events import Elapsed, ReducerReport
+from pipeline.mission.controller.events import Elapsed, Gone, ReducerReport
 from pipeline.mission.controller.orders import Close, Expect, Run, Say, Send
 from pipeline.mission.controller.recorded import Recorded
 from pipeline.mission.controller.substreams import Opened, PlanEpoch, Substream
@@ -252,6 +254,23 @@ def test_every_order_reaches_its_actor_and_a_source_is_told_where_the_machines_l
     assert machine.calls == [("run", (run,))]
     assert source.calls == [("follow", (send, {"m": ENDPOINT}))]
     assert reducer.calls == [("expect", (expect,))]
+
+
+def test_who_is_out_of_reach_is_asked_again_and_only_who_has_died_is_gone(monkeypatch) -> None:
+    wiring, *_ = _wiring()
+    raised = [UnreachableError("out of reach"), RunFailedError("died")]
+
+    def get(ref, actor):
+        raise raised.pop(0)
+
+    monkeypatch.setattr("actors.live.get", get)
+    peer = wiring._peers["source:v"]
+    peer.asked = "question"
+    assert wiring._heard("source:v", "question") == []
+    assert peer.asked is None
+    assert math.isfinite(peer.due_s)
+    assert wiring._heard("source:v", "question") == [Gone("source:v", 2, "died")]
+    assert math.isinf(peer.due_s)
 
 
 def test_what_was_taken_is_kept_for_the_next_scheduler_written_and_known_to_have_run() -> None:

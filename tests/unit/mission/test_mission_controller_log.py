@@ -16,7 +16,7 @@ from tests.rehearsals import rehearsed
 
 
 def written(rehearsal: Rehearsal, path: Path, log: list[Recorded] | None = None) -> Path:
-    file = ControllerLog(path, rehearsal.problem, 0.0)
+    file = ControllerLog(path, rehearsal.problem, 0.0, rehearsal.scheduler.state.here)
     for recorded in rehearsal.scheduler.log if log is None else log:
         file.append([recorded])
     file.close()
@@ -84,6 +84,6 @@ def test_another_file_is_refused(tmp_path: Path, content: bytes) -> None:
 
 def test_where_it_cannot_be_written_the_mission_goes_on(tmp_path: Path) -> None:
     rehearsal = rehearsed(71)
-    file = ControllerLog(tmp_path / "nowhere" / "log", rehearsal.problem, 0.0)
+    file = ControllerLog(tmp_path / "nowhere" / "log", rehearsal.problem, 0.0, ())
     file.append(rehearsal.scheduler.log)
     file.close()
