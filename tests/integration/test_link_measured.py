@@ -26,7 +26,7 @@ from pipeline.link.params import LinkParams
 from pipeline.link.receiver import Receiver
 from pipeline.link.sender import LinkSender
 from pipeline.link.token_bucket import TokenBucket
-from pipeline.messages import CameraPose, Message, Packet
+from pipeline.messages import WIRE_VERSION, CameraPose, Message, Packet
 from pipeline.mission.stages.virtual_link import burst_bytes
 from tests.channel_ends import greet
 from tests.integration.throttled_relay import ThrottledRelay
@@ -341,7 +341,8 @@ def test_a_receiver_that_says_what_cannot_be_is_given_up(said: bytes) -> None:
 
 @pytest.mark.parametrize("hello", [b"SLNK\x02", b"SLNK\x07", b"\x00\x01\x02\x03\x04", b"HTTP/"])
 def test_another_version_of_the_wire_form_is_refused_by_both_ends_in_words(hello: bytes) -> None:
-    expected = r"(speaks version \d of the wire form|is no Searchlight of this release).*expected version 3"
+    expected = r"(speaks version \d of the wire form|is no Searchlight of this release).*expected version "
+    expected += str(WIRE_VERSION)
     with socket.create_server(("127.0.0.1", 0)) as server:
         threading.Thread(target=lambda: server.accept()[0].sendall(hello + bytes(32)), daemon=True).start()
         sender = LinkSender(TokenBucket(1e6, 1e4), keys=KEYS, capacity_bytes=1000)
