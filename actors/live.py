@@ -40,7 +40,7 @@ from pipeline.mission.live_files import LiveWays
 from pipeline.mission.local import FinishedRun, source_params
 from pipeline.mission.run_journal import RunJournal
 from pipeline.mission.stages.radio_link import RadioParams
-from pipeline.mission.stages.source import StreamInput
+from pipeline.mission.stages.source import SourceParams, StreamInput
 from pipeline.outputs.live_names import LIVE
 
 
@@ -148,7 +148,7 @@ class LiveWiring(Wiring):
             stream,
             (),
             links,
-            source_params(self._prepared),
+            self._source_params(),
             RadioParams(end_s=self.params.end_s),
         )
         self._sources[stream.stream] = handle
@@ -156,6 +156,10 @@ class LiveWiring(Wiring):
             handle, incarnation, told_key=handle.public_key.remote()
         )
         self._tell_keys()
+
+    def _source_params(self) -> SourceParams:
+        processing = self._prepared.mission.processing
+        return replace(source_params(self._prepared), keep_bytes=round(processing.keep_unsent or 0))
 
     def _let_go(self, stream: StreamInput) -> None:
         """Let a source film: from its start, or for a new one from where the drone is by now."""

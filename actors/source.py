@@ -204,8 +204,13 @@ class SourceActor:
             self._go_over(stage, link, now_s)
             return now_s
 
+        def pause(seconds: float) -> float:
+            if self._stopped.wait(seconds):
+                raise _CutOffError
+            return wait_until(None)
+
         try:
-            stage.run(wait_until)
+            stage.run(wait_until, pause)
         except _CutOffError:
             for sender in link.senders.values():
                 sender.flush(self._flush_s)

@@ -7,7 +7,7 @@ from typing import Literal
 from pydantic import Field
 
 from pipeline.config.base import Strict
-from pipeline.config.units import Bitrate, Fraction, Hertz, PositiveSeconds
+from pipeline.config.units import Bitrate, Bytes, Fraction, Hertz, PositiveSeconds
 from pipeline.link.codec import Codec
 
 
@@ -55,5 +55,9 @@ class Processing(Strict):
     """Detectors that share a machine slow each other down, as the pool has it."""
     delays: Delays | None = None
     """If given, `max_processing_time` includes encoding, transfer and decoding."""
+    keep_unsent: Bytes | None = None
+    """Of pictures that no link could take, on the source's disk, in real time: they are sent when it can. Absent: none.
+    Example: `{megabytes: 500}`.
+    """
     decoding_threads: int | None = Field(default=None, ge=1, le=64)
     """Of each video. Absent: the processor's cores, shared out among the streams. Example: `2`."""

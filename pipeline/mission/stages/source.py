@@ -21,18 +21,22 @@ from pipeline.ingest.trajectory import Trajectory
 from pipeline.link.codec import Codec, Encoder
 from pipeline.messages import EndOfStream, FloatArray, Frame, Message, Packet
 from pipeline.mission.controller.substreams import Opened, PlanEpoch
+from pipeline.mission.stages.kept_frames import RUN_S, KeptFrames
 
 
 @dataclass(frozen=True)
 class SourceParams:
     """max_backlog_s: a link that is further behind takes no new frame. most_age_s: nor is one sent that would be older
     than this before its first byte left: its result could only come too late. keyframe_interval_s: the longest that a
-    decoder which joins late waits for a picture that stands alone.
+    decoder which joins late waits for a picture that stands alone. keep_bytes: of frames that no link could take, kept
+    on the disk and sent later, see ``kept_frames``; wait_s: at the end of a stream they wait so long for a way.
     """
 
     max_backlog_s: float = 1.0
     most_age_s: float = math.inf
     keyframe_interval_s: float = 2.0
+    keep_bytes: int = 0
+    wait_s: float = 60.0
 
     def __post_init__(self) -> None:
         if not (self.max_backlog_s > 0.0 and self.most_age_s > 0.0 and self.keyframe_interval_s > 0.0):
@@ -41,6 +45,12 @@ class SourceParams:
 
 #: why a frame was dropped that may have arrived all the same
 LINK_LOST = "link_lost"
+#: what another moment of the link may mend
+_OF_THE_LINK = frozenset({"link_down", "link_full", "too_old"})
+#: frames that were kept are sent while the link is not further behind, seconds
+_KEPT_BACKLOG_S = 0.25
+#: at the end of a stream the next run of them is sent after so long, if it could not be sent before
+_AGAIN_S = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,6 +161,7 @@ class SourceStage:
     ``source_late``: it was read from the video too late. ``link_down``: the connection is broken or silent.
     ``link_full``: the link is too far behind. ``too_old``: both together make it older than a result may be.
     After it was encoded: ``receiver_busy``: the connection took no more; ``link_lost``: the connection broke.
+    What a link could not take may be kept, and sent later.
     """
 
     def __init__(
@@ -166,6 +177,13 @@ class SourceStage:
         self._link = link
         self._params = params or SourceParams()
         self._encoders: dict[str, Encoder] = {}
+        self._since_key: dict[str, int] = {}
+        self._kept = KeptFrames(
+            self._params.keep_bytes,
+            stream.processing_rate_hz,
+            self._encoder,
+            lambda frame, assignment, encoder: self._encode(frame, Opened(0, assignment), encoder, 0.0),
+        )
         self._packets_sent: dict[str, int] = {}
         self._epoch = PlanEpoch(stream.stream, 0)
         self._begin(Opened(0, a) for a in assignments if a.stream == stream.stream)
@@ -195,7 +213,7 @@ class SourceStage:
     def _begin(self, substreams: Iterable[Opened]) -> None:
         for opened in substreams:
             assignment = opened.assignment
-            self._encoders[assignment.detector] = self._encoder(assignment)
+            self._begin_anew(assignment)
             self._packets_sent[assignment.detector] = 0
             self._epoch = replace(self._epoch, substreams=(*self._epoch.substreams, opened))
 
@@ -204,8 +222,18 @@ class SourceStage:
         """Packets that were given to the link, by detector."""
         return dict(self._packets_sent)
 
-    def run(self, wait_until: Callable[[float | None], float]) -> None:
+    @property
+    def kept(self) -> int:
+        """Packets that wait for a link."""
+        return len(self._kept)
+
+    def run(
+        self,
+        wait_until: Callable[[float | None], float],
+        pause: Callable[[float], float] | None = None,
+    ) -> None:
         """Send the whole stream. wait_until(time since its start, s) returns the link's time when a frame is due.
+        pause(seconds): the same after a while; without it what is kept is not sent after the end.
 
         A live stream's frames are due when they come, and None is waited for: not at all. What waited too long at its
         source is given up there.
@@ -217,10 +245,13 @@ class SourceStage:
             due_s = frame.time_s - self.stream.video.start_s
             now_s = wait_until(due_s)
             self.offer(frame, now_s, late_s=0.0 if self.stream.is_live else now_s - due_s)
+        if pause is not None:
+            self._send_the_rest(pause)
         self.end()
 
     def end(self) -> None:
         """Tell every detector that the stream is over. Raises RunFailedError for those that cannot be told."""
+        self._give_up_what_is_kept()
         untold = self._tell_end(self._epoch.substreams, self.stream.end_s)
         self._hear()
         self._require_told(untold)
@@ -271,15 +302,68 @@ class SourceStage:
         self._hear()
         offered_s = time.perf_counter() - max(0.0, late_s)
         due = [o for o in self._epoch.substreams if frame.tick % o.assignment.period == o.assignment.phase]
-        reasons = {
-            o.assignment.detector: self._why_not(o.assignment, now_s, late_s)
-            or self._send(frame, o, now_s, offered_s)
-            for o in due
-        }
+        reasons = {o.assignment.detector: self._offer_to(frame, o, now_s, late_s, offered_s) for o in due}
         self.count.due[frame.index] = tuple(reasons)
         self.count.dropped.update({(frame.index, d): reason for d, reason in reasons.items() if reason})
         if all(reasons.values()):
             self.count.frames_dropped[next(iter(reasons.values()), None) or "not_assigned"] += 1
+
+    def _offer_to(
+        self, frame: Frame, opened: Opened, now_s: float, late_s: float, offered_s: float
+    ) -> str | None:
+        """Why the frame was neither sent nor kept, or None."""
+        assignment = opened.assignment
+        reason = self._why_not(assignment, now_s, late_s)
+        if reason is None:
+            if self._since_key.get(assignment.detector, 0) >= self._keyframe_interval(assignment):
+                self._send_kept(opened, now_s)
+            return self._send(frame, opened, now_s, offered_s)
+        is_kept = reason in _OF_THE_LINK and self._kept.keep(frame, assignment, reason)
+        return None if is_kept else reason
+
+    def _send_kept(self, opened: Opened, now_s: float) -> int:
+        """Send the oldest run that was kept for this detector, if its link has room; how many packets it had.
+
+        What is filmed now begins with a picture that stands alone after it, as it would have done at this moment.
+        """
+        assignment = opened.assignment
+        if not self._kept or self._link.backlog_s(assignment.site, now_s) > _KEPT_BACKLOG_S:
+            return 0
+        packets = self._kept.take(assignment)
+        for packet in packets:
+            self._send_kept_packet(packet, opened, now_s)
+        if packets:
+            self._begin_anew(assignment)
+        return len(packets)
+
+    def _send_kept_packet(self, packet: Packet, opened: Opened, now_s: float) -> None:
+        assignment = opened.assignment
+        sequence = self._packets_sent[assignment.detector]
+        message = replace(packet, epoch=opened.epoch, sequence=sequence)
+        if self._link.send(assignment.site, assignment.detector, message, now_s):
+            self._packets_sent[assignment.detector] += 1
+        else:
+            self.count.lose_sent(packet.index, packet.detector, "link_down")
+
+    def _send_the_rest(self, pause: Callable[[float], float]) -> None:
+        """After the last frame: what was kept, no faster than it was filmed; not for ever, if there is no way."""
+        waited_s = 0.0
+        now_s = pause(0.0) if self._kept else 0.0
+        while self._kept and waited_s < self._params.wait_s:
+            self._hear()
+            ready = [o for o in self._epoch.substreams if self._why_not(o.assignment, now_s, 0.0) is None]
+            sent = sum(self._send_kept(opened, now_s) for opened in ready)
+            waited_s = 0.0 if sent else waited_s + _AGAIN_S
+            now_s = pause(RUN_S if sent else _AGAIN_S)
+
+    def _give_up_what_is_kept(self) -> None:
+        for (index, detector), reason in self._kept.give_up().items():
+            self.count.lose_sent(index, detector, reason)
+
+    def _begin_anew(self, assignment: Assignment) -> None:
+        """The next packet stands alone."""
+        self._encoders[assignment.detector] = self._encoder(assignment)
+        self._since_key[assignment.detector] = 0
 
     def _hear(self) -> None:
         """What the link knows of what was sent before."""
@@ -288,7 +372,7 @@ class SourceStage:
         restarts = self._link.take_restarts()
         for opened in self._epoch.substreams:
             if opened.assignment.detector in restarts:
-                self._encoders[opened.assignment.detector] = self._encoder(opened.assignment)
+                self._begin_anew(opened.assignment)
 
     def _why_not(self, assignment: Assignment, now_s: float, late_s: float) -> str | None:
         """Why a frame need not even be encoded, or None."""
@@ -304,31 +388,37 @@ class SourceStage:
     def _send(self, frame: Frame, opened: Opened, now_s: float, due_s: float) -> str | None:
         """Why the frame could not be sent, or None. due_s: when it was due, of ``time.perf_counter``."""
         assignment = opened.assignment
-        packet = self._encode(frame, opened, due_s)
+        packet = self._encode(frame, opened, self._encoders[assignment.detector], due_s)
         if self._link.send(assignment.site, assignment.detector, packet, now_s):
             self._packets_sent[assignment.detector] += 1
+            since = self._since_key.get(assignment.detector, 0)
+            self._since_key[assignment.detector] = 1 if packet.keyframe else since + 1
             return None
         # the decoder will miss this packet: the next one must stand alone
-        self._encoders[assignment.detector] = self._encoder(assignment)
+        self._begin_anew(assignment)
         return "receiver_busy" if self._link.is_up(assignment.site, assignment.detector) else "link_down"
 
-    def _encoder(self, assignment: Assignment) -> Encoder:
+    def _keyframe_interval(self, assignment: Assignment) -> int:
+        """Packets of a substream from one that stands alone to the next."""
+        rate_hz = self.stream.processing_rate_hz / assignment.period
+        return max(1, round(self._params.keyframe_interval_s * rate_hz))
+
+    def _encoder(self, assignment: Assignment, keyframe_interval: int | None = None) -> Encoder:
         rate_hz = self.stream.processing_rate_hz / assignment.period
         return Encoder(
             assignment.codec or self.stream.codec,
             *self.stream.source.sent_size,
             frame_rate_hz=rate_hz,
             bitrate_bps=assignment.bitrate_bps / assignment.period,
-            keyframe_interval=max(1, round(self._params.keyframe_interval_s * rate_hz)),
+            keyframe_interval=keyframe_interval or self._keyframe_interval(assignment),
         )
 
-    def _encode(self, frame: Frame, opened: Opened, due_s: float) -> Packet:
+    def _encode(self, frame: Frame, opened: Opened, encoder: Encoder, due_s: float) -> Packet:
         assignment = opened.assignment
         started = time.perf_counter()
-        encoder = self._encoders[assignment.detector]
         encoded = encoder.encode_frame(frame.planes, frame.tick // assignment.period)
         encode_s = time.perf_counter() - started
-        source_s = max(0.0, started - due_s)
+        source_s = max(0.0, started - due_s) if due_s else 0.0
         base = Fraction(assignment.period / self.stream.processing_rate_hz).limit_denominator(90_000)
         return Packet(
             stream=frame.stream,
