@@ -14,12 +14,12 @@ from pipeline.allocation.plan import Assignment
 from pipeline.clock import Clock
 from pipeline.config.pool import PoolDetector
 from pipeline.detection import PERSONS, Detector, open_pool_detector
-from pipeline.errors import InputError, RunFailedError, SearchlightError, failure
+from pipeline.errors import InputError, RunFailedError, SearchlightError, failure, in_one_line
 from pipeline.link.codec import Codec
 from pipeline.link.keys import Endpoint, KeyPair
 from pipeline.link.receiver import Receiver
 from pipeline.link.sender import LinkSender, LinkState
-from pipeline.logs import log_of_actor
+from pipeline.logs import Log, log_of_actor
 from pipeline.messages import EndOfStream, Message, Packet
 from pipeline.mission.controller.events import MachineReport
 from pipeline.mission.controller.orders import Run
@@ -27,24 +27,27 @@ from pipeline.mission.controller.substreams import Opened
 from pipeline.mission.durable_reducer import Acknowledgement
 from pipeline.mission.stages.inbox import InboxParams
 from pipeline.mission.stages.kept_results import KeptResults
-from pipeline.mission.stages.machine import MachineStage
+from pipeline.mission.stages.machine import BLACK, MachineStage
 from pipeline.mission.stages.virtual_link import unlimited
 from pipeline.mission.who_may_say import refused_by_machine
 from pipeline.sensor.substream import as_sent
 
+_LOG = Log("actors")
 _RESULTS = "reducer"
 
 
 @dataclass(frozen=True)
 class MachineParams:
     """result_bytes: of results that the reducer has not read. stalled_s: a reducer that reads nothing for so long has
-    failed. resend_s: a result that was not acknowledged for so long is sent again.
+    failed. resend_s: a result that was not acknowledged for so long is sent again. warm_s: after its begin, in real
+    time, it makes ready for what it may have to take over.
     """
 
     inbox: InboxParams = field(default_factory=InboxParams)
     result_bytes: int = 16 * 1024 * 1024
     stalled_s: float = 60.0
     resend_s: float = 2.0
+    warm_s: float = 3.0
 
     def __post_init__(self) -> None:
         if self.result_bytes < 1 or not self.stalled_s > 0.0:
@@ -176,7 +179,21 @@ class MachineActor:
         endpoint = self._listen(self._stage)
         if reducer is not None:
             self.results_to(reducer)
+        warm = threading.Timer(self._params.warm_s, self._make_ready, (tuple(detectors.values()), layers))
+        warm.daemon = True
+        warm.start()
         return endpoint
+
+    def _make_ready(self, detectors: Sequence[PoolDetector], layers: Mapping[str, int]) -> None:
+        """For what may be taken over: have every model on this node while its radio is good, and look at one picture,
+        since the first network of a process takes half a second longer than any other.
+        """
+        try:
+            here = [self._models.on_this_node(d) for d in sorted(detectors, key=lambda d: d.memory)]
+            for detector in here[:1]:
+                open_pool_detector(detector, layers).detect(BLACK)
+        except Exception as error:  # what is needed is tried again when it is
+            _LOG.warning("machine not made ready", machine=self._machine, error=in_one_line(failure(error)))
 
     def _listen(self, stage: MachineStage) -> Endpoint:
         def refuse(peer: str, message: Message) -> str | None:

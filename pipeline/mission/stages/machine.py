@@ -29,7 +29,7 @@ from pipeline.mission.stages.inbox import Inbox, InboxParams
 
 _LOG = Log("mission")
 #: of the first picture, which takes longer than all others
-_BLACK = np.zeros((576, 1024, 3), dtype=np.uint8)
+BLACK = np.zeros((576, 1024, 3), dtype=np.uint8)
 
 
 class _Network:
@@ -196,7 +196,7 @@ class MachineStage:
                 return network
             network = _Network(assignment, self._load(assignment))
             with contextlib.suppress(NotFiniteError):  # of a black picture; frames are dropped and counted
-                network.detect(_BLACK)
+                network.detect(BLACK)
             self._networks[instance] = network
             return network
 

@@ -155,6 +155,38 @@ def test_a_machine_begins_without_a_reducer_and_is_told_of_it_later(reducers) ->
     assert reducers[0].next().sequence == 0
 
 
+def test_a_machine_fetches_every_model_and_looks_at_a_picture_before_it_has_to_take_over(
+    reducers, monkeypatch
+) -> None:
+    done: queue.Queue = queue.Queue()
+
+    def load(detector, layers):
+        done.put(("load", detector, layers))
+        return SimpleNamespace(detect=lambda picture: done.put(("look", picture.shape)))
+
+    fetched = SimpleNamespace(on_this_node=lambda d: done.put(("fetch", d.id)) or SimpleNamespace(id=d.id))
+    monkeypatch.setattr("actors.machine.open_pool_detector", load)
+    pool = {
+        name: SimpleNamespace(id=name, memory=memory) for name, memory in (("large", 9e6), ("small", 1e6))
+    }
+    machine = MachineActor("m", HERE, "h264", MachineParams(warm_s=0.01))
+    machine.begin(pool, reducers[0].endpoint, {"person": 0}, models=fetched)
+    said = [done.get(timeout=10.0) for _ in range(4)]
+    assert said[:2] == [("fetch", "small"), ("fetch", "large")]
+    assert (said[2][0], said[2][1].id, said[2][2], said[3][0]) == ("load", "small", {"person": 0}, "look")
+
+
+def test_a_model_that_cannot_be_fetched_yet_is_no_end(reducers) -> None:
+    def fetch(detector):
+        raise RunFailedError("no way")
+
+    machine = MachineActor("m", HERE, "h264", MachineParams(warm_s=0.01))
+    pool = {"small": SimpleNamespace(id="small", memory=1e6)}
+    machine.begin(pool, reducers[0].endpoint, models=SimpleNamespace(on_this_node=fetch))
+    time.sleep(0.2)
+    assert machine.report()[1].error is None
+
+
 def test_what_a_machine_is_not_to_hold_any_more_is_not_sent_again(reducers) -> None:
     machine = _machine(reducers[0], resend_s=60.0)
     machine._stage.run = lambda order: (opened().key,)  # it held this, and drops it
