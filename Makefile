@@ -30,7 +30,7 @@ run: setup ## the demo: video and telemetry of two drones in, map of people out 
 	$(BIN)/searchlight run $(MISSION) --out $(OUT)
 
 test: setup ## the tests (about ten minutes), in two processes; those that start a Ray one after the other
-	$(BIN)/python -m pytest -n 2 --dist loadscope --no-loadscope-reorder
+	$(BIN)/python -m pytest -n 2 --dist loadscope --no-loadscope-reorder --durations 60
 
 test-all: setup ## the tests and the slow sweeps
 	$(BIN)/python -m pytest -m ""
