@@ -23,6 +23,8 @@ from pipeline.mission.stopping import Stop
 
 #: Ray takes 1 to 3 s to end, on a busy machine more; whatever is left of a run's time, it gets the least
 _LEAST_S, _MOST_S = 3.0, 30.0
+#: names the folder of this node's certificates for Ray's connections
+TLS_VARIABLE = "SEARCHLIGHT_TLS"
 #: of each file of Ray's that is kept after a failure
 _TAIL_BYTES = 64 * 1024
 
@@ -38,6 +40,7 @@ def cluster(address: str | None, sites: Iterable[str], stop: Stop | None = None)
         with _local(sites, stop):
             yield
         return
+    use_tls()
     import ray
 
     try:
@@ -59,6 +62,23 @@ def cluster(address: str | None, sites: Iterable[str], stop: Stop | None = None)
         yield
     finally:
         ray.shutdown()
+
+
+def use_tls() -> None:
+    """Speak with a cluster as deployments/ray-node.sh does: encrypted, where this node has its certificates. Raises
+    InputError for a folder of certificates that are not there.
+    """
+    said = os.environ.get(TLS_VARIABLE)
+    folder = Path(said or "/etc/searchlight/tls")
+    if said == "off" or "RAY_USE_TLS" in os.environ or (said is None and not folder.is_dir()):
+        return
+    files = {"CA_CERT": "ca.crt", "SERVER_CERT": "node.crt", "SERVER_KEY": "node.key"}
+    for name, file in files.items():
+        if not (folder / file).is_file():
+            expected = "what deployments/certificates.sh makes, or SEARCHLIGHT_TLS=off"
+            raise InputError(TLS_VARIABLE, f"no {folder / file}", expected)
+        os.environ[f"RAY_TLS_{name}"] = str(folder / file)
+    os.environ["RAY_USE_TLS"] = "1"
 
 
 @contextmanager

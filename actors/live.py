@@ -116,6 +116,7 @@ class LiveWiring(Wiring):
         self._started = time.monotonic()
         for stream in self._prepared.streams:
             self._let_go(stream)
+        self._tell_clock()
 
     # --- actors
 
@@ -123,6 +124,8 @@ class LiveWiring(Wiring):
         handle = remote_here(ReducerActor).remote(self._prepared, self._plan, None, True, self._journal)
         self._reducer = handle
         self._peers[REDUCER] = _Peer(handle, incarnation, endpoint=handle.endpoint.remote())
+        if incarnation:
+            self._tell_clock()
         self._tell_keys()
 
     def _begin_machine(self, name: str, site: str, incarnation: int) -> None:
@@ -163,15 +166,27 @@ class LiveWiring(Wiring):
 
     def _let_go(self, stream: StreamInput) -> None:
         """Let a source film: from its start, or for a new one from where the drone is by now."""
+        self._sources[stream.stream].film.remote(self._filmed_from_s(stream))
+
+    def _filmed_from_s(self, stream: StreamInput) -> float:
+        """When the part of the stream that is used begins, UTC, seconds."""
         if stream.is_live:
-            self._sources[stream.stream].film.remote(stream.start_ns * 1e-9)
-            return
+            return stream.start_ns * 1e-9
         streams = self._prepared.streams
         offsets_s = pacing_offsets_s(
             [s.start_ns for s in streams], [s.end_s - s.video.start_s for s in streams]
         )
         offset_s = dict(zip((s.stream for s in streams), offsets_s, strict=True))[stream.stream]
-        self._sources[stream.stream].film.remote(self._start_s + offset_s)
+        return self._start_s + offset_s
+
+    def _tell_clock(self) -> None:
+        """Tell the reducer what is now: no frame can be newer."""
+        now_s = time.time()
+        films = {
+            s.stream: s.start_ns + round((now_s - self._filmed_from_s(s) + s.video.start_s) * 1e9)
+            for s in self._prepared.streams
+        }
+        self._reducer.clock_runs.remote(films)
 
     # --- what they say
 

@@ -18,7 +18,8 @@ from pipeline.ingest.finding import Finding
 from pipeline.link.keys import Endpoint, KeyPair
 from pipeline.link.receiver import Receiver
 from pipeline.logs import Log, log_of_actor
-from pipeline.messages import Message
+from pipeline.messages import Detections, Dropped, Message
+from pipeline.mission.capture_bound import CaptureBound
 from pipeline.mission.controller.events import ReducerReport
 from pipeline.mission.controller.orders import Expect
 from pipeline.mission.controller.substreams import Substream
@@ -102,12 +103,17 @@ class ReducerActor:
         threading.Thread(target=self._keep, name="journal", daemon=True).start()
         threading.Thread(target=self._show, name="live", daemon=True).start()
         opened = map(assignment_from_json, self._stage.opened.values())
+        self._bound = CaptureBound(prepared.streams, max(1.0, prepared.mission.fusion.lateness))
         self._machine_of = {a.detector: a.machine for a in (*plan.assignments, *opened)}
         self._receiver = Receiver(host or own_host(), self._receive, keys=KeyPair(), refuse=self._refuse)
 
     def endpoint(self) -> Endpoint:
         """Where the machines send their results."""
         return self._receiver.endpoint
+
+    def clock_runs(self, now_ns: Mapping[str, int]) -> None:
+        """The streams film. now_ns: the capture time that each has now; what is newer than now is refused."""
+        self._bound.runs(now_ns)
 
     def accept_only(self, peers: Mapping[bytes, str]) -> None:
         """Whom to hear from now on: machines by public key; one that is not among them any more is cut off."""
@@ -186,6 +192,10 @@ class ReducerActor:
     def _refuse(self, peer: str, message: Message) -> str | None:
         if (message.stream, message.detector) not in self._stage.received:
             return "unknown_substream"
+        if isinstance(message, Detections | Dropped) and self._bound.is_beyond(
+            message.stream, message.time_ns
+        ):
+            return "from_the_future"
         return refused_by_reducer(peer, message, self._machine_of)
 
     def _receive(self, message: Message) -> None:

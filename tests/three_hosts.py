@@ -6,6 +6,7 @@ import os
 import secrets
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -29,10 +30,13 @@ def refused() -> str | None:
 
 @dataclass
 class Hosts:
-    """tag: of this set of namespaces, of which there may be several. environment: of all that runs on them."""
+    """tag: of this set of namespaces, of which there may be several. environment: of all that runs on them. tls: where
+    each has its certificates.
+    """
 
     tag: str
     environment: dict[str, str]
+    tls: Path
 
     def on(self, host: str, *command: str) -> list[str]:
         """The command as one that runs on a host."""
@@ -69,7 +73,9 @@ class Hosts:
         subprocess.run(
             self.on(host, "sh", "-c", f'{binds}exec "$@"', "sh", *command, "--object-store-memory=100000000"),
             cwd=ROOT,
-            env=self.environment | {"SEARCHLIGHT_SITES": sites} | variables,
+            env=self.environment
+            | {"SEARCHLIGHT_SITES": sites, "SEARCHLIGHT_TLS": str(self.tls / address)}
+            | variables,
             check=True,
             capture_output=True,
             timeout=120,
@@ -81,7 +87,7 @@ class Hosts:
         return subprocess.Popen(
             self.on("g", *command),
             cwd=ROOT,
-            env=self.environment,
+            env=self.environment | {"SEARCHLIGHT_TLS": str(self.tls / HOSTS["g"][0])},
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
@@ -102,14 +108,18 @@ def three_hosts(
         "PYTHONPATH": str(ROOT),
         "SEARCHLIGHT_PYTHON": sys.executable,
     }
-    hosts = Hosts(tag, environment)
-    try:
-        _wire(hosts)
-        for host in HOSTS:
-            hosts.start_node(host, (shown or {}).get(host), **(variables or {}).get(host, {}))
-        yield hosts
-    finally:
-        _end(hosts)
+    with tempfile.TemporaryDirectory(prefix="slt-tls-") as tls:
+        hosts = Hosts(tag, environment, Path(tls))
+        addresses = [address for address, _ in HOSTS.values()]
+        certificates = ["deployments/certificates.sh", tls, *addresses]
+        subprocess.run(certificates, cwd=ROOT, check=True, capture_output=True)
+        try:
+            _wire(hosts)
+            for host in HOSTS:
+                hosts.start_node(host, (shown or {}).get(host), **(variables or {}).get(host, {}))
+            yield hosts
+        finally:
+            _end(hosts)
 
 
 def _wire(hosts: Hosts) -> None:
