@@ -98,6 +98,7 @@ class LiveWiring(Wiring):
         self._peers: dict[str, _Peer] = {}
         self._all_planned = False
         self._finish_ordered = False
+        self._revoked: set[str] = set()
         self._healths, self._ways = StreamHealths(), dict[str, list[FloatArray]]()
         self._live_ways = LiveWays(journal.folder.parent / LIVE, self._prepared)
         self._record = LiveRecord.of(
@@ -252,7 +253,11 @@ class LiveWiring(Wiring):
         answered, _ = ray.wait(waited, num_returns=len(waited), timeout=self.params.round_s)
         events = [event for ref in answered if ref in asked for event in self._heard(asked[ref], ref)]
         self._hear(self._controller.question in answered)
-        self._controller.tell([*events, *self._record.asked_by_the_operator()], time.monotonic())
+        wanted = self._record.asked_by_the_operator()
+        if self._revoked != self._record.desk.revoked:
+            self._revoked = set(self._record.desk.revoked)
+            self._tell_keys()
+        self._controller.tell([*events, *wanted], time.monotonic())
         if len(answered) == len(waited):  # else it has waited for the others already
             time.sleep(self.params.round_s)
 
@@ -323,11 +328,13 @@ class LiveWiring(Wiring):
 
     def _tell_keys(self) -> None:
         """Tell everybody whom to hear: machines the sources, the reducer the machines. Whoever was replaced is not
-        among them any more.
+        among them any more, nor a drone that the operator has revoked.
         """
+        revoked = set(map(source_actor, self._revoked))
 
         def of(kind: str) -> dict[bytes, str]:
-            return {p.key: a for a, p in self._peers.items() if a.startswith(kind) and p.key is not None}
+            known = {p.key: a for a, p in self._peers.items() if a.startswith(kind) and p.key is not None}
+            return {key: actor for key, actor in known.items() if actor not in revoked}
 
         self._reducer.accept_only.remote(of("machine:"))
         sources = of("source:")

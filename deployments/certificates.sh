@@ -3,11 +3,12 @@
 #
 # Makes FOLDER/ca (keep ca.key off the machines) and FOLDER/ADDRESS for each machine: ca.crt, node.crt and node.key, which belong into
 # /etc/searchlight/tls there. Run again for more machines, or for one whose key is to be changed: remove its folder first.
-# SEARCHLIGHT_TLS_DAYS: how long they are good, 90 days unless it is said.
+# SEARCHLIGHT_TLS_DAYS: how long they are good, 90 unless it is said.
 set -euo pipefail
 [ $# -ge 2 ] || { echo "usage: $0 FOLDER ADDRESS.. (such as: $0 tls 10.0.0.1 10.0.0.11)" >&2; exit 2; }
 folder="$1" days="${SEARCHLIGHT_TLS_DAYS:-90}"
 shift
+[[ "$days" =~ ^[1-9][0-9]*$ ]] || { echo "error: SEARCHLIGHT_TLS_DAYS: found $days; expected a number of days above 0" >&2; exit 2; }
 umask 077
 mkdir -p "$folder/ca"
 if [ ! -e "$folder/ca/ca.key" ]; then

@@ -294,28 +294,67 @@ def _plain_of(cls: type) -> tuple[Callable[[Any], Any], tuple[tuple[int, Callabl
         if str(field.type) in _RECORDS:
             special.append((place, _values))
         elif field.name in _ARRAYS:
-            special.append((place, partial(_array_bytes, field.name, *_ARRAYS[field.name])))
+            dtype, shape = _ARRAYS[field.name]
+            special.append((place, partial(_array_bytes, field.name, np.dtype(dtype), shape)))
     return attrgetter(*(field.name for field in fields(cls))), tuple(special)
 
 
-def _array_bytes(name: str, dtype: type, shape: tuple[int, ...], value: NDArray[Any]) -> bytes:
+def _array_bytes(name: str, dtype: np.dtype[Any], shape: tuple[int, ...], value: NDArray[Any]) -> bytes:
     right = value.ndim == len(shape) and value.shape[1:] == shape[1:] and shape[0] in (-1, value.shape[0])
     if value.dtype != dtype or not right:
         found = f"{value.dtype.name} {value.shape}"
-        raise TypeError(f"an array of {found} does not travel as {name}: {dtype.__name__} {shape}")
+        raise TypeError(f"an array of {found} does not travel as {name}: {dtype.name} {shape}")
     return value.tobytes()
 
 
 def _record(cls: type, values: Any) -> Any:
-    """The record, if every field is what its annotation says: what comes from a wire is not believed."""
-    checks = _CHECKS[cls]
-    if type(values) is not list or len(values) != len(checks):
+    """The record, if every field is what its annotation says: what comes from a wire is not believed.
+
+    First all fields at once, since this is done for every message; field by field only to say which one it is.
+    """
+    form = _FORMS[cls]
+    if type(values) is not list or len(values) != len(form.types):
         found = f"{len(values)} fields" if type(values) is list else type(values).__name__
-        raise ProtocolError(f"{cls.__name__} is {found}, not {len(checks)} fields")
-    record = cls(*[check(value) for check, value in zip(checks, values, strict=True)])
+        raise ProtocolError(f"{cls.__name__} is {found}, not {len(form.types)} fields")
+    if tuple(map(type, values)) != form.types:
+        values = [check(value) for check, value in zip(form.checks, values, strict=True)]
+    else:
+        for place, least, most in form.ranges:
+            if not least <= values[place] <= most:
+                form.checks[place](values[place])
+        for place in form.special:
+            values[place] = form.checks[place](values[place])
+    record = cls(*values)
     if cls is Detections and not len(record.boxes_px) == len(record.scores) == len(record.class_ids):
         raise ProtocolError("Detections with boxes, scores and classes of different number")
     return record
+
+
+@dataclass(frozen=True)
+class _Form:
+    """What the fields of a record are on the wire: their types, the places and limits of numbers, the places of those
+    that are more than that, and a check of each.
+    """
+
+    types: tuple[type, ...]
+    ranges: tuple[tuple[int, float, float], ...]
+    special: tuple[int, ...]
+    checks: tuple[Callable[[Any], Any], ...]
+
+
+def _form_of(cls: type) -> _Form:
+    types: list[type] = []
+    ranges, special = [], []
+    for place, field in enumerate(fields(cls)):
+        annotation = str(field.type)
+        is_record, is_array = annotation in _RECORDS, field.name in _ARRAYS
+        types.append(list if is_record else bytes if is_array else _TYPES[annotation][0])
+        if is_record or is_array or annotation == "str":
+            special.append(place)
+        elif field.name in _RANGES:
+            ranges.append((place, *_RANGES[field.name]))
+    checks = tuple(_check_of(cls, field) for field in fields(cls))
+    return _Form(tuple(types), tuple(ranges), tuple(special), checks)
 
 
 def _check_of(cls: type, field: Field[Any]) -> Callable[[Any], Any]:
@@ -365,6 +404,4 @@ def _array(where: str, dtype: type, shape: tuple[int, ...], value: Any) -> NDArr
 
 
 _PLAIN = {cls: _plain_of(cls) for cls in (*_MESSAGES, *_RECORDS.values())}
-_CHECKS: dict[type, tuple[Callable[[Any], Any], ...]] = {
-    cls: tuple(_check_of(cls, field) for field in fields(cls)) for cls in (*_MESSAGES, *_RECORDS.values())
-}
+_FORMS = {cls: _form_of(cls) for cls in (*_MESSAGES, *_RECORDS.values())}

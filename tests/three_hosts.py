@@ -81,6 +81,29 @@ class Hosts:
             timeout=120,
         )
 
+    @contextmanager
+    def overheard(self, file: Path) -> Iterator[None]:
+        """Within it all that goes over the bridge is written to a file: what somebody with a radio hears."""
+        command = self.on("g", sys.executable, "tests/sniffer.py", "br0", str(file))
+        pipe = subprocess.PIPE
+        sniffer = subprocess.Popen(command, cwd=ROOT, stdin=pipe, stdout=pipe, text=True)
+        assert sniffer.stdin is not None
+        assert sniffer.stdout is not None
+        assert sniffer.stdout.readline() == "listening\n"
+        try:
+            yield
+        finally:
+            sniffer.stdin.close()
+            sniffer.wait(30)
+
+    def command_lines(self) -> bytes:
+        """Of all processes on the hosts, as ``ps`` shows them to everybody."""
+        lines = []
+        for host in HOSTS:
+            held = subprocess.run(self.on(host, "ps", "axww", "-o", "args"), capture_output=True, check=True)
+            lines.append(held.stdout)
+        return b"".join(lines)
+
     def searchlight(self, *arguments: str) -> subprocess.Popen[str]:
         """The command on the ground station."""
         command = [sys.executable, "-m", "actors", *arguments, "--address", f"{HOSTS['g'][0]}:{PORT}"]

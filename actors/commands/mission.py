@@ -15,7 +15,7 @@ _Stream = Annotated[str, typer.Argument(help="The stream's name in the mission f
 
 app = typer.Typer(
     no_args_is_help=True,
-    help="Pause, resume or stop streams of a mission while it flies, or change its area.",
+    help="Pause, resume, stop or revoke streams of a mission while it flies, or change its area.",
 )
 
 
@@ -37,6 +37,12 @@ def stop(
 ) -> None:
     """End a stream, or the whole mission: what was sent is still looked at, then the map is published."""
     _ask(run, "stop", stream)
+
+
+@app.command()
+def revoke(run: _Run, stream: _Stream) -> None:
+    """A drone is lost: accept its key no more, whoever has it now; what came before stays in the map."""
+    _ask(run, "revoke", stream)
 
 
 @app.command()

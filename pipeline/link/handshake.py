@@ -126,7 +126,7 @@ def require_version(hello: bytes) -> None:
     )
 
 
-def _send(connection: socket.socket, data: bytes, until_s: float) -> None:
+def _send(connection: socket.socket, data: bytes | bytearray, until_s: float) -> None:
     _limit(connection, until_s)
     connection.sendall(data)
 

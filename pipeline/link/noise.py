@@ -50,7 +50,12 @@ class CipherState:
         self._nonce += 1
         return sealed
 
-    def decrypt(self, ciphertext: bytes | memoryview, ad: bytes = b"") -> bytes:
+    def encrypt_into(self, plaintext: bytes, buffer: memoryview) -> None:
+        """As encrypt, into a buffer of that length: a message is copied no oftener than it must be."""
+        self._aead.encrypt_into(_NONCE.pack(0, self._nonce), plaintext, None, buffer)
+        self._nonce += 1
+
+    def decrypt(self, ciphertext: bytes | memoryview, ad: bytes | None = None) -> bytes:
         """The plaintext. Raises ProtocolError if it is not the next message of whoever has the key: one that was
         changed, left out, sent twice or out of its turn. The number stays as it was then.
         """

@@ -51,7 +51,7 @@ class Outgoing:
         self.heard_s = self.wrote_s = now_s
         self._feedback = FeedbackReader()
         self._queue: deque[_Queued] = deque()
-        self._record = b""  # of the head of the queue, once it is being written
+        self._record = bytearray()  # of the head of the queue, once it is being written
         self._offset = 0  # written of it
         self._unread: deque[tuple[int, Message]] = deque()
         self._offered_bytes = self._written_bytes = self._read_bytes = 0
@@ -101,12 +101,12 @@ class Outgoing:
             self._begun.append((self._written_bytes + head.nbytes, head.nbytes, now_s))
         self._offset += nbytes
         self._written_bytes += nbytes
-        self.paid_bytes -= nbytes
+        self.paid_bytes = max(0, self.paid_bytes - nbytes)
         if nbytes:
             self.wrote_s = now_s
         if self._offset == head.nbytes:
             self._queue.popleft()
-            self._record, self._offset = b"", 0
+            self._record, self._offset = bytearray(), 0
         return 0 if head.message is None else nbytes
 
     def feedback(self, data: bytes) -> list[Feedback]:

@@ -17,7 +17,8 @@ class LinkParams:
     a mission. silence_s: an open connection of which nothing was heard for so long is reported as silent.
     broken_s: after so much silence it is closed and made again. heartbeat_s: the most that each end is silent by
     itself. ack_s, ack_bytes: the far end says what it has read after so long, or after so much (but not more often
-    than every fifth of ack_s). kernel_s: what the kernel may hold of the link's rate: what it holds cannot be taken
+    than every fifth of ack_s, unless it is a megabyte).
+    kernel_s: what the kernel may hold of the link's rate: what it holds cannot be taken
     back, and it is what an outage makes old. kernel_bytes: the least that it may hold. send_s: how long a message waits
     for room, unless its sender says otherwise.
 

@@ -23,6 +23,8 @@ from pipeline.messages import EndOfStream, Message, Packet, unpack
 _READ_BYTES = 256 * 1024
 #: restarts that a peer does not read; more means that it reads nothing at all
 _MOST_UNSAID_BYTES = 64 * 1024
+#: so many times ack_bytes are acknowledged at once: a fast sender must not wait for the time
+_MUCH = 32
 #: connections that the kernel holds until they are taken
 _BACKLOG = 1024
 #: why connections are not taken, or ended
@@ -267,8 +269,10 @@ class _Peer:
         self._heard_s = self._clock.monotonic_s()
         self._read = Read(self._read.total_bytes + len(data), self._heard_s)
         messages = self._session.reader.feed(data)
-        if self._read.total_bytes - self._acknowledged >= self._params.ack_bytes:
-            self.acknowledge(least_s=self._params.ack_s / 5.0)
+        unsaid_bytes = self._read.total_bytes - self._acknowledged
+        if unsaid_bytes >= self._params.ack_bytes:
+            much = unsaid_bytes >= _MUCH * self._params.ack_bytes
+            self.acknowledge(least_s=0.0 if much else self._params.ack_s / 5.0)
         return messages
 
     def is_silent(self) -> bool:

@@ -37,11 +37,13 @@ class RecordWriter:
     def __init__(self, cipher: CipherState, rekey_bytes: int = REKEY_BYTES) -> None:
         self._cipher, self._keys = cipher, _Keys(cipher, rekey_bytes)
 
-    def seal(self, message: bytes) -> bytes:
+    def seal(self, message: bytes) -> bytearray:
         """The record of a message that ``record_bytes`` has let pass."""
-        sealed = self._cipher.encrypt(message)
+        record = bytearray(len(message) + OVERHEAD_BYTES)
+        _LENGTH.pack_into(record, 0, len(message) + TAG_BYTES)
+        self._cipher.encrypt_into(message, memoryview(record)[_LENGTH.size :])
         self._keys.count(len(message))
-        return _LENGTH.pack(len(sealed)) + sealed
+        return record
 
 
 class RecordReader:

@@ -83,8 +83,9 @@ class LinkSender:
         self._connections = Connections(bucket.rate_bps, self._params, self._clock, self._broken)
         self._endpoints: dict[str, Endpoint] = {}
         self._trying: set[str] = set()
+        self._writer = Writer(self._connections, bucket)
         runs = {
-            "write": Writer(self._connections, bucket).run,
+            "write": self._writer.run,
             "listen": Listener(self._connections, self._silence, on_restart).run,
         }
         self._threads = [
@@ -152,16 +153,20 @@ class LinkSender:
         limit_s = self._params.send_s if timeout_s is None else timeout_s
         shared = self._connections
         with shared.changed:
-            shared.changed.wait_for(
-                lambda: not shared.is_usable(name) or self._has_room(name, nbytes), limit_s
-            )
+            if not shared.is_usable(name) or not self._has_room(name, nbytes):
+                shared.changed.wait_for(
+                    lambda: not shared.is_usable(name) or self._has_room(name, nbytes), limit_s
+                )
             if not shared.is_usable(name):
                 reason = "closed" if shared.stop.is_set() else shared.broken.get(name, "not connected")
                 raise ConnectionError(f"link {name!r}: {reason}")
             if not self._has_room(name, nbytes):
                 return False
-            shared[name].offer(shared.next_turn(), plain, message)
-            shared.changed.notify_all()
+            connection = shared[name]
+            connection.offer(shared.next_turn(), plain, message)
+        if not self._writer.write_now(connection):
+            with shared.changed:
+                shared.changed.notify_all()
         return True
 
     def is_up(self, name: str) -> bool:

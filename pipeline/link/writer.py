@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import select
 import socket
+import threading
 
 from pipeline.link.connections import Connections
 from pipeline.link.outgoing import Outgoing
@@ -17,17 +18,35 @@ _POLL_S = 0.02
 
 
 class Writer:
-    """Messages leave in the order of their turns; a connection whose kernel takes no more stops no other."""
+    """Messages leave in the order of their turns; a connection whose kernel takes no more stops no other.
+
+    Over a link without a limit, where nothing has to be waited for, whoever sends writes by itself (``write_now``): to
+    wake another thread for it takes longer than the writing.
+    """
 
     def __init__(self, connections: Connections, bucket: TokenBucket) -> None:
         self._connections, self._bucket = connections, bucket
         self._clock = connections.clock
         self._chunk_bytes = _chunk_bytes(bucket)
+        self._unlimited = math.isinf(bucket.rate_bps)
+        self._writing = threading.Lock()
 
     def run(self) -> None:
         """Until the link is closed."""
         while (connection := self._next()) is not None:
-            self._write(connection)
+            with self._writing:
+                if connection.turn is not None:  # nobody else has written it meanwhile
+                    self._write(connection)
+
+    def write_now(self, connection: Outgoing) -> bool:
+        """Write what waits for a connection on the caller's thread; False if somebody has to go on with it."""
+        if not self._unlimited:
+            return False
+        with self._writing:  # never for long: no write waits
+            while connection.turn is not None and not connection.blocked:
+                if not self._write(connection):
+                    return True
+            return connection.turn is None
 
     def _next(self) -> Outgoing | None:
         """The connection whose message has waited longest, of those whose kernel takes something; None at the end."""
@@ -57,23 +76,27 @@ class Writer:
                 blocked[descriptor].blocked = False
             self._connections.tell_rate()
 
-    def _write(self, connection: Outgoing) -> None:
+    def _write(self, connection: Outgoing) -> bool:
+        """A chunk; False if the connection is broken."""
         chunk = connection.chunk(self._chunk_bytes)
         self._pay(connection, len(chunk))
         shared = self._connections
         try:
             with shared.changed:  # the far end may answer before the bytes are booked; a send never waits
                 taken = _take(connection.socket, chunk)
-                connection.blocked = taken < len(chunk)
+                was, connection.blocked = connection.blocked, taken < len(chunk)
                 shared.bytes_sent += connection.wrote(taken, self._clock.monotonic_s())
-                shared.tell_rate()
+                if was or connection.blocked:
+                    shared.tell_rate()
         except OSError as error:
             shared.give_up(connection, error)
+            return False
+        return True
 
     def _pay(self, connection: Outgoing, nbytes: int) -> None:
         """Wait until the bucket has the bytes, but for those that were paid for and not taken by the kernel."""
         owed = nbytes - connection.paid_bytes
-        if owed <= 0:
+        if owed <= 0 or self._unlimited:
             return
         now_s = self._clock.monotonic_s()
         delay_s = self._bucket.reserve(owed, now_s) - now_s

@@ -19,7 +19,7 @@ from pipeline.errors import InputError
 from pipeline.mission.controller.events import Event, MissionStopped, StreamPaused, StreamStopped
 from pipeline.storage.whole_or_nothing import make_folder, write_text
 
-What = Literal["pause", "resume", "stop", "area"]
+What = Literal["pause", "resume", "stop", "revoke", "area"]
 FOLDER = "operator"
 #: a request is a few words
 _LONGEST_BYTES = 10_000
@@ -72,10 +72,13 @@ def _answer(run: Path, request: Path, within_s: float) -> dict[str, Any]:
 class OperatorsDesk:
     """The run's side. streams: the names of those that there are. change_area: takes the file of another search area,
     which is gone afterwards; what is to be answered. Raises InputError for one that cannot be used.
+
+    revoked: streams whose drone is not to be heard any more.
     """
 
     def __init__(self, run: Path, streams: Collection[str], change_area: Callable[[Path], str]) -> None:
         self._folder, self._streams, self._change_area = run / FOLDER, tuple(streams), change_area
+        self.revoked: set[str] = set()
         make_folder(self._folder)
         for left in self._folder.iterdir():  # of a run before
             left.unlink(missing_ok=True)
@@ -114,13 +117,16 @@ class OperatorsDesk:
             raise InputError(path, f"the stream {stream!r}", f"one of {', '.join(self._streams)}")
         if what == "stop":
             return StreamStopped(stream), f"{stream} ends; what was sent is still looked at"
+        if what == "revoke":
+            self.revoked.add(stream)
+            return StreamStopped(stream), f"{stream} is heard no more; what came before stays in the map"
         if what == "pause":
             return StreamPaused(stream, True), f"{stream} is looked at no more, until it is resumed"
         return StreamPaused(stream, False), f"{stream} is planned for again"
 
 
 def _request(path: Path) -> tuple[str, str | None, str | None]:
-    right = 'an object {"what": "pause", "resume", "stop" or "area", "stream": its name or null}'
+    right = 'an object {"what": "pause", "resume", "stop", "revoke" or "area", "stream": its name or null}'
     try:
         if path.is_symlink() or path.stat().st_size > _LONGEST_BYTES:
             raise ValueError

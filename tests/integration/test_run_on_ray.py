@@ -148,6 +148,7 @@ def island(network: tuple[str, ...], tmp_path_factory: pytest.TempPathFactory) -
         "RAY_AUTH_MODE": "token",
         "RAY_AUTH_TOKEN": "ab" * 32,
         "RAY_USAGE_STATS_ENABLED": "0",
+        "SEARCHLIGHT_TLS": "off",
         "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",
     }
     place = Island(network, "127.0.0.2:6379", env)

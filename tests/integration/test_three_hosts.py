@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 import yaml
 
+from pipeline.link.handshake import HELLO
 from pipeline.outputs.place_picture import FOLDER as PICTURES
 from tests.three_hosts import HOSTS, PORT, ROOT, Hosts, refused, three_hosts
 
@@ -68,10 +69,29 @@ def _cut_off(hosts: Hosts, mission: Path, out: Path, *, after_s: float, for_s: f
     return _accounted_for(process, out)
 
 
-def test_over_three_hosts_it_is_the_map_of_one_process(
+def _files_that_hold(secret: bytes, folder: Path) -> list[Path]:
+    return [path for path in folder.rglob("*") if path.is_file() and secret in path.read_bytes()]
+
+
+def test_over_three_hosts_it_is_the_map_of_one_process_and_whoever_listens_learns_nothing(
     hosts: Hosts, small_mission: Path, tmp_path: Path
 ) -> None:
-    _ended(hosts.searchlight("run", str(small_mission), "--out", str(tmp_path / "three")))
+    """Ray and the channels are encrypted: no secret, no name of a stream, nothing that Ray says is heard in clear."""
+    with hosts.overheard(tmp_path / "wire"):
+        process = hosts.searchlight("run", str(small_mission), "--out", str(tmp_path / "three"))
+        time.sleep(5.0)
+        seen = hosts.command_lines()
+        said = _ended(process)
+    heard = (tmp_path / "wire").read_bytes()
+    assert len(heard) > 1_000_000, "the video went over the bridge"
+    assert heard.count(HELLO) >= 2, "channels were heard to begin"
+    secret = hosts.environment["RAY_AUTH_TOKEN"].encode()
+    for marker in (secret, b"drone-1", b"person", b"site:", b"SourceActor", b"searchlight", b"PRIVATE KEY"):
+        assert marker not in heard, marker
+    assert b"actors run" in seen
+    assert secret not in seen
+    assert secret.decode() not in said
+    assert _files_that_hold(secret, tmp_path / "three") == []
     local = [
         sys.executable,
         "-m",

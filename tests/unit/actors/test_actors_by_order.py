@@ -305,6 +305,21 @@ def test_who_is_out_of_reach_is_asked_again_and_only_who_has_died_is_gone(monkey
     assert math.isinf(peer.due_s)
 
 
+def test_everybody_is_told_whom_to_hear_and_neither_who_was_replaced_nor_who_was_revoked_is() -> None:
+    wiring, machine, _, reducer = _wiring()
+    wiring._revoked = set()
+    wiring._peers["machine:m"].key, wiring._peers["source:v"].key = b"m", b"v"
+    wiring._peers["source:w"] = _Peer(Called(), 0, key=b"w")
+    wiring._tell_keys()
+    wiring._peers["source:w"] = _Peer(Called(), 1)  # its key is not known yet
+    wiring._tell_keys()
+    wiring._revoked = {"v"}
+    wiring._tell_keys()
+    heard = [({b"v": "source:v", b"w": "source:w"},), ({b"v": "source:v"},), ({},)]
+    assert machine.calls == [("accept_only", said) for said in heard]
+    assert reducer.calls == [("accept_only", ({b"m": "machine:m"},))] * 3
+
+
 def test_what_was_taken_is_kept_for_the_next_scheduler_written_and_known_to_have_run() -> None:
     written = []
     record = LiveRecord(10.0, "first", SimpleNamespace(append=written.append), None, None)

@@ -50,6 +50,7 @@ class Mission:
         ("resume", "drone-2", StreamPaused("drone-2", False)),
         ("stop", "drone-1", StreamStopped("drone-1")),
         ("stop", None, MissionStopped()),
+        ("revoke", "drone-2", StreamStopped("drone-2")),
     ],
 )
 def test_what_is_asked_is_heard_once_and_answered(
