@@ -32,8 +32,8 @@ run: setup ## the demo: video and telemetry of two drones in, map of people out 
 test: setup ## the tests (about ten minutes), in two processes; those that start a Ray one after the other
 	$(BIN)/python -m pytest -n 2 --dist loadscope --no-loadscope-reorder --durations 60
 
-test-all: setup ## the tests and the slow sweeps
-	$(BIN)/python -m pytest -m ""
+test-all: setup ## the tests and the slow sweeps, or a part of them: make test-all PART=3/12 (results in runs/tests; what passed is not run again)
+	$(BIN)/python -m pytest -p tests.parts -m "" --part $(or $(PART),1/1)
 
 bench: setup ## every figure of the README, measured here
 	$(BIN)/python -m tests.benchmarks.figures

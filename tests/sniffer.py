@@ -19,7 +19,7 @@ def main(interface: str, path: str) -> None:
     listening.setsockopt(socket.SOL_SOCKET, 33, 64 * 1024 * 1024)  # SO_RCVBUFFORCE
     listening.bind((interface, 0))
     print("listening", flush=True)
-    with open(path, "wb") as file:
+    with open(path, "wb", buffering=0) as file:
         while True:
             ready, _, _ = select.select([listening, sys.stdin], [], [])
             if listening in ready:

@@ -50,6 +50,13 @@ class Hosts:
         """Take a drone off the network, or let it on again."""
         self.ip("g", "link", "set", f"slv-{drone}", "up" if up else "down")
 
+    def kill_all(self, host: str) -> None:
+        """End everything that runs on a host at once, as if its power were gone."""
+        held = subprocess.run(
+            ["ip", "netns", "pids", f"{self.tag}-{host}"], capture_output=True, text=True, check=True
+        )
+        subprocess.run(["kill", "-9", *held.stdout.split()], capture_output=True, check=False)
+
     def weaken(self, drone: str, rate: str) -> None:
         """What a drone sends passes no faster than this (``tc``'s words, such as 1mbit)."""
         tbf = ["tbf", "rate", rate, "burst", "16kb", "latency", "100ms"]

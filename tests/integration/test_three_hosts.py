@@ -15,10 +15,15 @@ import pytest
 import yaml
 
 from pipeline.link.handshake import HELLO
+from pipeline.mission.prepared import prepare
 from pipeline.outputs.place_picture import FOLDER as PICTURES
+from tests.chaos_on_ray import JournalWatch, judge
 from tests.three_hosts import HOSTS, PORT, ROOT, Hosts, refused, three_hosts
 
 DEMO = ROOT / "configs/missions/demo/mission.yaml"
+SITES = ("drone-1", "drone-2")
+#: nothing of the journal is taken into a checkpoint and removed
+WHOLE_JOURNAL = ("--checkpoint-every", "100000")
 
 pytestmark = [pytest.mark.ray, pytest.mark.timeout(400)]
 if (reason := refused()) is not None:
@@ -37,9 +42,9 @@ def _ended(process: subprocess.Popen[str]) -> str:
     return said
 
 
-def _flying(hosts: Hosts, mission: Path, out: Path) -> subprocess.Popen[str]:
+def _flying(hosts: Hosts, mission: Path, out: Path, *more: str) -> subprocess.Popen[str]:
     """A run in real time whose actors have started."""
-    process = hosts.searchlight("run", str(mission), "--out", str(out), "--pace", "realtime")
+    process = hosts.searchlight("run", str(mission), "--out", str(out), "--pace", "realtime", *more)
     until = time.monotonic() + 120.0
     while not any("actors started" in p.read_text() for p in out.parent.glob(f".{out.name}.*.log.part")):
         assert time.monotonic() < until, process.communicate(timeout=10)
@@ -191,6 +196,66 @@ def test_each_file_is_needed_only_where_it_is_read(small_mission: Path, tmp_path
     assert bool(sent) == any(machine != "ground-pc" for machine in used)
     pictures = [sorted(p.name for p in (tmp_path / name / PICTURES).iterdir()) for name in ("one", "three")]
     assert pictures[0] == pictures[1]
+
+
+@pytest.mark.slow
+def test_a_drone_cut_off_for_a_minute_comes_back_and_the_map_is_that_of_what_came(
+    hosts: Hosts, tmp_path: Path
+) -> None:
+    """The demo's flight of 47 s ends while its first drone is away."""
+    out = tmp_path / "run"
+    watch = JournalWatch(out, tmp_path)
+    process = _flying(hosts, DEMO, out, *WHOLE_JOURNAL)
+    time.sleep(5.0)
+    hosts.cut("d1")
+    time.sleep(60.0)
+    hosts.cut("d1", up=True)
+    summary = _judged(process, out, watch, tmp_path, DEMO)
+    assert summary["truth"]["false"] == []
+
+
+@pytest.mark.slow
+def test_a_node_that_is_killed_costs_what_it_filmed_and_the_map_is_that_of_what_came(
+    tmp_path: Path,
+) -> None:
+    with three_hosts("slk") as hosts:
+        out = tmp_path / "run"
+        watch = JournalWatch(out, tmp_path)
+        process = _flying(hosts, DEMO, out, *WHOLE_JOURNAL)
+        time.sleep(12.0)
+        hosts.kill_all("d1")
+        summary = _judged(process, out, watch, tmp_path, DEMO)
+        assert summary["truth"]["false"] == []
+        lost, whole = (next(s for s in summary["streams"] if s["stream"] == name) for name in SITES)
+        assert lost["processed"] < lost["captured"]
+        assert whole["processed"] > 0.9 * whole["captured"]
+
+
+@pytest.mark.slow
+def test_a_node_that_joins_again_in_flight_is_used_again(tmp_path: Path) -> None:
+    """A drone's node dies and is started anew, as systemd would: its site films and looks again."""
+    with three_hosts("slj") as hosts:
+        out = tmp_path / "run"
+        watch = JournalWatch(out, tmp_path)
+        process = _flying(hosts, DEMO, out, *WHOLE_JOURNAL)
+        time.sleep(8.0)
+        hosts.kill_all("d1")
+        time.sleep(3.0)
+        hosts.start_node("d1")
+        summary = _judged(process, out, watch, tmp_path, DEMO)
+        assert summary["truth"]["false"] == []
+        said = [(entry["what"], entry["subject"]) for entry in summary["timeline"]]
+        assert said.count(("up", "source:drone-1")) == 2, "it films again"
+
+
+def _judged(
+    process: subprocess.Popen[str], out: Path, watch: JournalWatch, kept: Path, mission: Path
+) -> dict[str, Any]:
+    """The summary of a run that ended well and whose map is, to the byte, that of its journal."""
+    summary = _accounted_for(process, out)
+    watch.end()
+    judge(prepare(mission), out, summary, kept)
+    return summary
 
 
 _ASK = """
