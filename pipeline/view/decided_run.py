@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.geo.frame import LocalFrame
+from pipeline.outputs.exports.decided_cells import Shift
 from pipeline.outputs.exports.view import Place as ExportedPlace
 from pipeline.outputs.exports.view import RunView, State, ranked
-from pipeline.view.decisions import Decision, read_log
+from pipeline.view.decisions import WEIGHT, Decision, read_log
 from pipeline.view.places import Place, with_decisions
 
 _WORDS = {"confirm": "confirmed", "reject": "rejected", "note": "noted"}
@@ -28,7 +29,14 @@ def with_decided(view: RunView, run: Path) -> tuple[RunView, tuple[str, ...]]:
     places, lost = with_decisions([_shown(place, frame) for place in view.places], standing, frame)
     by_id = {place.id: place for place in places if place.decisions}
     decided = (_decided(place, by_id[place.id]) if place.id in by_id else place for place in view.places)
-    return replace(view, places=ranked(decided)), tuple(_lost(decision) for decision in lost)
+    shifts = tuple(_shift(place) for place in places if place.net)
+    return replace(view, places=ranked(decided), shifts=shifts), tuple(_lost(decision) for decision in lost)
+
+
+def _shift(place: Place) -> Shift:
+    return Shift(
+        place.class_name, place.latitude_deg, place.longitude_deg, *place.semi_axes_m, place.net * WEIGHT
+    )
 
 
 def _shown(place: ExportedPlace, frame: LocalFrame) -> Place:

@@ -22,7 +22,7 @@ _DATE = (1980, 1, 1, 0, 0, 0)
 
 def write_kml(folder: Path, view: RunView) -> list[str]:
     """Write ``places.kml``: places, error ellipses, ways and areas; without pictures."""
-    write_bytes(folder / "places.kml", xml_bytes(_document(view, None, {})))
+    write_bytes(folder / "places.kml", xml_bytes(_document(view, {}, {})))
     return ["places.kml"]
 
 
@@ -35,10 +35,9 @@ def write_kmz(folder: Path, view: RunView) -> list[str]:
             name = f"files/place-{place.id}-{number}.png"
             files[name] = picture.png
             names.setdefault(place.rank, []).append(name)
-    overlay = None if view.saliency is None else overlay_of(view.saliency)
-    if overlay is not None:
-        files["files/probability.png"] = overlay.png
-    content = {"doc.kml": xml_bytes(_document(view, overlay, names))} | files
+    overlays = {end: overlay_of(path, shifts) for end, (path, shifts) in view.layers.items()}
+    files |= {f"files/probability{end}.png": overlay.png for end, overlay in overlays.items()}
+    content = {"doc.kml": xml_bytes(_document(view, overlays, names))} | files
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, data in content.items():
@@ -47,7 +46,8 @@ def write_kmz(folder: Path, view: RunView) -> list[str]:
     return ["places.kmz"]
 
 
-def _document(view: RunView, overlay: Overlay | None, pictures: dict[int, list[str]]) -> Element:
+def _document(view: RunView, overlays: dict[str, Overlay], pictures: dict[int, list[str]]) -> Element:
+    """overlays: as ``RunView.layers``."""
     root = Element("kml", {"xmlns": NAMESPACE})
     document = add(root, "Document")
     add(document, "name", view.mission)
@@ -64,8 +64,8 @@ def _document(view: RunView, overlay: Overlay | None, pictures: dict[int, list[s
         ("second-look", "CC79A7", "50"),
     ):
         _line_and_fill(add(document, "Style", id=name), color, 3, fill)
-    if overlay is not None:
-        _overlay(document, overlay)
+    for end, overlay in overlays.items():
+        _overlay(document, overlay, end)
     for title, places in (("Places", view.found), ("Possible places", view.possible)):
         if places:
             folder = add(document, "Folder")
@@ -144,10 +144,13 @@ def _abgr(rgb: str, alpha: str = "ff") -> str:
     return f"{alpha}{rgb[4:6]}{rgb[2:4]}{rgb[0:2]}".lower()
 
 
-def _overlay(document: Element, overlay: Overlay) -> None:
+def _overlay(document: Element, overlay: Overlay, end: str) -> None:
+    """Of another class than the first it is there, and is not shown before somebody asks for it."""
     ground = add(document, "GroundOverlay")
-    add(ground, "name", "Probability of a person (no colour: nobody looked)")
-    add(add(ground, "Icon"), "href", "files/probability.png")
+    add(ground, "name", f"Probability{f', {clean(end[1:])}' if end else ''} (no colour: nobody looked)")
+    if end:
+        add(ground, "visibility", "0")
+    add(add(ground, "Icon"), "href", f"files/probability{end}.png")
     box = add(ground, "LatLonBox")
     for side in ("north", "south", "east", "west"):
         add(box, side, f"{getattr(overlay, side):.8f}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from PIL import Image
 from rasterio.warp import Resampling, calculate_default_transform, reproject
 
 from pipeline.errors import InputError
+from pipeline.outputs.exports.decided_cells import Shift, decided_cells
 
 #: of the longer side; a block of a larger map shows its greatest value
 _MOST_PIXELS = 2048
@@ -29,8 +31,8 @@ class Overlay:
     west: float
 
 
-def overlay_of(saliency: Path) -> Overlay:
-    """Of a run's ``saliency.tif``. Raises InputError if it cannot be read."""
+def overlay_of(saliency: Path, shifts: Sequence[Shift] = ()) -> Overlay:
+    """Of a run's ``saliency.tif``. shifts: of what was decided. Raises InputError if it cannot be read."""
     try:
         with rasterio.open(saliency) as source:
             transform, width, height = calculate_default_transform(
@@ -41,8 +43,10 @@ def overlay_of(saliency: Path) -> Overlay:
             transform = transform @ rasterio.Affine.scale(width / columns, height / rows)
             layer = np.full((rows, columns), np.nan, dtype=np.float32)
             reproject(
-                rasterio.band(source, 1),
+                decided_cells(source, shifts)[0] if shifts else source.read(1),
                 layer,
+                src_transform=source.transform,
+                src_crs=source.crs,
                 dst_transform=transform,
                 dst_crs="EPSG:4326",
                 src_nodata=np.nan,

@@ -29,6 +29,7 @@ def redacted(view: RunView) -> RunView:
         tracks=(),
         second_look=(),
         saliency=None,
+        shifts=(),
         map_png=None,
         # they name files, streams and machines
         limits=(),

@@ -12,6 +12,7 @@ from zoneinfo import ZoneInfo
 
 from pipeline.errors import InputError
 from pipeline.geo.grids import Utm, mgrs_of, utm_of
+from pipeline.outputs.exports.decided_cells import Shift
 from pipeline.storage.versions import require_version
 
 Kind = Literal["found", "possible"]
@@ -117,7 +118,7 @@ class RunView:
     places: the found ones, then the possible ones, each the most probable first. areas: to be searched. saliency,
     map_png: files, None where there is none or it is left out. limits: assumptions, warnings, a sentence each.
     redacted: what was left out, a sentence; empty: nothing. absent: what the directory lacks, a sentence
-    each. time_zone: that people read times in; None: UTC.
+    each. time_zone: that people read times in; None: UTC. shifts: of the map's cells, by what was decided.
     """
 
     mission: str
@@ -133,6 +134,24 @@ class RunView:
     redacted: str = ""
     absent: tuple[str, ...] = ()
     time_zone: ZoneInfo | None = None
+    shifts: tuple[Shift, ...] = ()
+
+    @property
+    def layers(self) -> dict[str, tuple[Path, tuple[Shift, ...]]]:
+        """The map's files: by the end of their name, which is empty for the first class and ``-CLASS`` for every other
+        one; each with what was decided of its places.
+        """
+        if self.saliency is None:
+            return {}
+        others = {
+            path.stem.removeprefix(self.saliency.stem): path
+            for path in sorted(self.saliency.parent.glob(f"{self.saliency.stem}-*.tif"))
+        }
+        first = tuple(s for s in self.shifts if f"-{s.class_name}" not in others)
+        return {"": (self.saliency, first)} | {
+            end: (path, tuple(s for s in self.shifts if f"-{s.class_name}" == end))
+            for end, path in others.items()
+        }
 
     @property
     def found(self) -> tuple[Place, ...]:
