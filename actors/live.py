@@ -17,7 +17,7 @@ import numpy as np
 from actors.calls import UnreachableError, get, kill, remote, remote_here
 from actors.hosted_controller import HostedController
 from actors.live_record import LiveRecord
-from actors.machine import MachineActor
+from actors.machine import MachineActor, machine_params
 from actors.metrics import RunCollector, Snapshot
 from actors.reducer import ReducerActor
 from actors.scheduler import SchedulerActor
@@ -131,7 +131,7 @@ class LiveWiring(Wiring):
 
     def _begin_machine(self, name: str, site: str, incarnation: int) -> None:
         codec = self._prepared.mission.processing.codec
-        handle = remote(MachineActor, site).remote(name, None, codec)
+        handle = remote(MachineActor, site).remote(name, None, codec, machine_params(self._prepared))
         told_key = handle.public_key.remote()
         with_model = {d.id: d for d in self._prepared.pool.detectors if d.model is not None}
         reducer, layers = self._peers[REDUCER].reached, self._prepared.layers

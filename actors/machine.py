@@ -13,7 +13,7 @@ from actors.site import own_host
 from pipeline.allocation.plan import Assignment
 from pipeline.clock import Clock
 from pipeline.config.pool import PoolDetector
-from pipeline.detection import PERSONS, Detector, open_pool_detector
+from pipeline.detection import PERSONS, open_pool_detector
 from pipeline.errors import InputError, RunFailedError, SearchlightError, failure, in_one_line
 from pipeline.link.codec import Codec
 from pipeline.link.keys import Endpoint, KeyPair
@@ -25,6 +25,9 @@ from pipeline.mission.controller.events import MachineReport
 from pipeline.mission.controller.orders import Run
 from pipeline.mission.controller.substreams import Opened
 from pipeline.mission.durable_reducer import Acknowledgement
+from pipeline.mission.prepared import PreparedMission
+from pipeline.mission.stages.detector import Looks
+from pipeline.mission.stages.detector_process import DetectorProcess
 from pipeline.mission.stages.inbox import InboxParams
 from pipeline.mission.stages.kept_results import KeptResults
 from pipeline.mission.stages.machine import BLACK, MachineStage
@@ -40,7 +43,7 @@ _RESULTS = "reducer"
 class MachineParams:
     """result_bytes: of results that the reducer has not read. stalled_s: a reducer that reads nothing for so long has
     failed. resend_s: a result that was not acknowledged for so long is sent again. warm_s: after its begin, in real
-    time, it makes ready for what it may have to take over.
+    time, it makes ready for what it may have to take over. processes: each network runs in a process of its own.
     """
 
     inbox: InboxParams = field(default_factory=InboxParams)
@@ -48,10 +51,16 @@ class MachineParams:
     stalled_s: float = 60.0
     resend_s: float = 2.0
     warm_s: float = 3.0
+    processes: bool = False
 
     def __post_init__(self) -> None:
         if self.result_bytes < 1 or not self.stalled_s > 0.0:
             raise ValueError(f"{self}; expected at least one byte, and a time above 0")
+
+
+def machine_params(prepared: PreparedMission) -> MachineParams:
+    """As the mission has them."""
+    return MachineParams(processes=prepared.mission.processing.detectors_in == "processes")
 
 
 @dataclass(frozen=True)
@@ -147,12 +156,13 @@ class MachineActor:
             drops=drops,
         )
 
-    def _opened(self, assignment: Assignment, detector: PoolDetector, layers: Mapping[str, int]) -> Detector:
+    def _opened(self, assignment: Assignment, detector: PoolDetector, layers: Mapping[str, int]) -> Looks:
         """Raises InputError, with the machine's name, for what cannot be had here, such as CUDA."""
         try:
             detector = self._models.on_this_node(detector)
             row = as_sent(detector, assignment.codec or self._codec, assignment.bitrate_bps)
-            return open_pool_detector(row, layers, assignment.setup)
+            opened: Callable[..., Looks] = DetectorProcess if self._params.processes else open_pool_detector
+            return opened(row, layers, assignment.setup)
         except InputError as error:
             where = f"machine {self._machine}: {error.where}"
             raise InputError(where, error.found, error.expected) from None

@@ -12,7 +12,7 @@ from typing import Any
 
 from actors.calls import NoAnswerError, get, kill, named, remote, remote_here
 from actors.live_status import LiveStatus
-from actors.machine import MachineActor
+from actors.machine import MachineActor, machine_params
 from actors.metrics import RunCollector, Snapshot
 from actors.nodes import Offer, offered
 from actors.reducer import ReducerActor
@@ -116,7 +116,7 @@ class Wiring:
         codec = self._prepared.mission.processing.codec
         sites = {a.machine: a.site for a in plan.assignments}
         self._machines = {
-            machine: remote(MachineActor, site).remote(machine, None, codec)
+            machine: remote(MachineActor, site).remote(machine, None, codec, machine_params(self._prepared))
             for machine, site in sites.items()
         }
         self._sources = {

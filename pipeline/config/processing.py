@@ -59,5 +59,9 @@ class Processing(Strict):
     """Of pictures that no link could take, on the source's disk, in real time: they are sent when it can. Absent: none.
     Example: `{megabytes: 500}`.
     """
+    detectors_in: Literal["threads", "processes"] = "threads"
+    """Where a machine's detectors run, on Ray: threads of one process, or each a process of its own, whose crash costs
+    its own substreams alone. The map is the same.
+    """
     decoding_threads: int | None = Field(default=None, ge=1, le=64)
     """Of each video. Absent: the processor's cores, shared out among the streams. Example: `2`."""

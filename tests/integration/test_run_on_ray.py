@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+import yaml
 
 from tests.unit.mission.test_mission_onto import one_drone
 
@@ -56,6 +57,23 @@ def test_ray_and_local_give_the_same_map_byte_for_byte(
     assert result.returncode == 0, result.stderr
     for name in ("saliency.tif", "salient.geojson"):
         assert (ray_run / name).read_bytes() == (tmp_path / "local" / name).read_bytes(), name
+
+
+@pytest.mark.slow
+def test_detectors_in_processes_of_their_own_give_the_same_map(
+    small_mission: Path, ray_run: Path, tmp_path: Path
+) -> None:
+    shutil.copytree(small_mission.parent, tmp_path / "mission", symlinks=True)
+    mission = tmp_path / "mission" / small_mission.name
+    document = yaml.safe_load(mission.read_text(encoding="utf-8"))
+    document["processing"]["detectors_in"] = "processes"
+    mission.write_text(yaml.safe_dump(document), encoding="utf-8")
+    result = searchlight("run", mission, "--out", tmp_path / "run", "--pace", "max")
+    assert result.returncode == 0, result.stderr
+    for name in ("saliency.tif", "salient.geojson"):
+        assert (ray_run / name).read_bytes() == (tmp_path / "run" / name).read_bytes(), name
+    left = subprocess.run(["pgrep", "-f", "stages.detector_process"], capture_output=True, check=False)
+    assert left.stdout == b"", "no process stays"
 
 
 @pytest.mark.slow
