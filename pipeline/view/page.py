@@ -13,6 +13,7 @@ import numpy as np
 from pipeline.geo.frame import LocalFrame
 from pipeline.messages import FloatArray
 from pipeline.outputs.live_names import FOUND, POSSIBLE, REDUCER, STATUS
+from pipeline.view.contours import contours
 from pipeline.view.decisions import Decision, read_log
 from pipeline.view.files import GROUND, MAP, POSES, SIGHTINGS, RunFolder
 from pipeline.view.grid import grid
@@ -114,7 +115,7 @@ class RunPage:
         return {"status": status, "reducer": json.loads(self.folder.read(REDUCER) or b"{}")}
 
     def flown(self) -> dict[str, Any]:
-        """What does not change while a run flies: ground, area, ways, areas for a second look, the grid."""
+        """What does not change while a run flies: ground, area, ways, areas for a second look, the grid, contours."""
         ground = self.ground
         bounds = None
         if ground is not None:
@@ -122,6 +123,7 @@ class RunPage:
         return {
             "ground": bounds,
             "grid": [] if bounds is None else grid(self.frame, tuple(bounds)),  # type: ignore[arg-type]
+            "contours": [] if ground is None else contours(ground),
             "area": [] if ground is None else [ring.round(2).tolist() for ring in ground.area],
             "flights": [self._flight(flight) for flight in self.flights],
             "second_look": self._second_look(),

@@ -24,6 +24,14 @@ const SearchMap = (() => {
   function flown(data) {
     fixed.clearLayers();
     if (data.ground) L.imageOverlay("/hillshade.png", bounds(data.ground), { pane: "ground", alt: "" }).addTo(fixed);
+    for (const c of data.contours) for (const l of c.lines) {
+      line(l, { color: "#c9a66b", weight: c.index ? 1.6 : .8, opacity: c.index ? .6 : .35 }, fixed);
+    }
+    for (const c of data.contours.filter((one) => one.index)) {
+      const longest = c.lines.reduce((a, b) => (b.length > a.length ? b : a)), middle = longest[longest.length >> 1];
+      L.tooltip({ permanent: true, direction: "center", className: "label", interactive: false })
+        .setLatLng(at(middle)).setContent(text(`${c.height_m} m`)).addTo(fixed);
+    }
     for (const g of data.grid) {
       line(g.points, { color: "#8fa3bf", weight: 1, opacity: .45 }, fixed);
     }
