@@ -163,6 +163,17 @@ def view(
         view_run(run, host, port)
 
 
+@app.command("node-metrics")
+def node_metrics(
+    port: Annotated[int, typer.Option(help="0 for any free port.")] = 9401,
+    host: Annotated[str, typer.Option(help="Interface.")] = "127.0.0.1",
+) -> None:
+    """Serve Prometheus metrics of this node: memory, processor, actors that run on it, its clock."""
+    from actors.commands.node import serve_node
+
+    serve_node(port, host)
+
+
 @app.command()
 def demo(
     out: Annotated[Path, typer.Option(help="Run directory; new, empty, or of an earlier run.")],

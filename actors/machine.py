@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 
 from actors.nodes import Offer
 from actors.site import own_host
+from actors.usage import Usage
 from pipeline.allocation.plan import Assignment
 from pipeline.clock import Clock
 from pipeline.config.pool import PoolDetector
@@ -76,6 +77,7 @@ class MachineStatus:
     error: SearchlightError | None
     results: LinkState
     pid: int = field(default_factory=os.getpid)
+    usage: Usage = field(default_factory=Usage)
 
 
 class MachineActor:

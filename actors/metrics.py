@@ -20,7 +20,10 @@ from prometheus_client.core import (
 )
 from prometheus_client.registry import Collector
 
+from actors.actor_metrics import actor_usage
+from actors.heard import Heard
 from actors.machine import MachineStatus
+from actors.map_metrics import map_metrics
 from actors.reducer import ReducerStatus
 from actors.source import SourceStatus
 from actors.steady_counts import SteadyCounts
@@ -48,6 +51,14 @@ class Snapshot:
     findings: Sequence[Finding] = ()
     losses: Mapping[str, int] = field(default_factory=dict)
 
+    @property
+    def statuses(self) -> dict[str, SourceStatus | MachineStatus | ReducerStatus]:
+        """By actor."""
+        said: dict[str, SourceStatus | MachineStatus | ReducerStatus] = {}
+        said |= {f"source:{name}": status for name, status in self.sources.items()}
+        said |= {f"machine:{name}": status for name, status in self.machines.items()}
+        return said | ({"reducer": self.reducer} if self.reducer is not None else {})
+
 
 class RunCollector(Collector):
     """Turns each snapshot into metrics, which a scrape is given; there are none before there is a plan.
@@ -63,6 +74,7 @@ class RunCollector(Collector):
     ) -> None:
         self._clock, self._utc = clock, utc
         self._steady, self._metrics, self._scrapes = SteadyCounts(), tuple[Metric, ...](), 0
+        self._heard = Heard()
         if snapshot is not None:
             self.snapshot = snapshot
 
@@ -74,6 +86,7 @@ class RunCollector(Collector):
     @snapshot.setter
     def snapshot(self, snapshot: Snapshot) -> None:
         self._snapshot = snapshot
+        self._heard.take(snapshot.statuses, self._utc())
         self._metrics = tuple(self._of(snapshot))
 
     _snapshot: Snapshot | None = None
@@ -98,15 +111,17 @@ class RunCollector(Collector):
         yield from _build_metrics()
         yield from _plan_metrics(snapshot.plan)
         yield from _actor_metrics(snapshot, self._utc())
+        yield from actor_usage(snapshot.statuses, self._heard, steady, self._utc())
         yield from _frame_metrics(snapshot, steady, self._clock())
         yield from _link_metrics(snapshot, steady)
         yield from _queue_metrics(snapshot)
         yield from _verdict_metrics(snapshot)
+        yield from map_metrics(snapshot.reducer)
         if snapshot.reducer is not None:
             yield from _result_metrics(snapshot.reducer, steady)
 
 
-def serve(collector: RunCollector, port: int, host: str = "127.0.0.1") -> WSGIServer:
+def serve(collector: Collector, port: int, host: str = "127.0.0.1") -> WSGIServer:
     """Serve /metrics; set the collector's snapshot to change what it shows. port 0: any free one.
 
     Raises InputError for a port or an interface that cannot be had.
@@ -140,9 +155,7 @@ def _build_metrics() -> Iterable[Metric]:
 
 def _actor_metrics(snapshot: Snapshot, utc_s: float) -> Iterable[Metric]:
     """Who has been heard of: a process that is replaced has another start."""
-    known = [(f"source:{n}", s.pid) for n, s in snapshot.sources.items()]
-    known += [(f"machine:{n}", m.pid) for n, m in snapshot.machines.items()]
-    known += [("reducer", snapshot.reducer.pid)] if snapshot.reducer is not None else []
+    known = [(name, status.pid) for name, status in snapshot.statuses.items()]
     heard = GaugeMetricFamily(
         "searchlight_snapshot_timestamp_seconds", "When the supervisor last heard, since 1970", value=utc_s
     )
@@ -178,6 +191,11 @@ def _frame_metrics(snapshot: Snapshot, steady: SteadyCounts, now_s: float) -> It
         "Frames of the video so far, by what became of them",
         labels=["stream", "outcome"],
     )
+    epoch = GaugeMetricFamily(
+        "searchlight_stream_epoch",
+        "Number of the plan that a stream follows (in real time)",
+        labels=["stream"],
+    )
     flight = GaugeMetricFamily(
         "searchlight_frames_in_flight", "Frames sent and not yet answered", labels=["stream"]
     )
@@ -190,11 +208,13 @@ def _frame_metrics(snapshot: Snapshot, steady: SteadyCounts, now_s: float) -> It
         outcomes = _steady_outcomes(frame_outcomes(source, snapshot.reducer), source, steady, now_s)
         done = steady.of(("captured", stream), max(source.frames_done, source.sampled))
         captured.add_metric([stream], done)
+        epoch.add_metric([stream], source.epoch)
         contradiction.add_metric([stream], max(0.0, sum(outcomes.values()) - done))
         flight.add_metric([stream], max(0.0, done - sum(outcomes.values())))
         for outcome, count in outcomes.items():
             frames.add_metric([stream, outcome], count)
     yield captured
+    yield epoch
     yield frames
     yield flight
     yield contradiction

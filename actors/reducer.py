@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from actors.site import own_host
+from actors.usage import Usage
 from pipeline.allocation.plan import Plan, assignment_from_json, assignment_to_json
 from pipeline.clock import Clock
 from pipeline.errors import SearchlightError, failure, in_one_line
@@ -24,7 +25,7 @@ from pipeline.mission.controller.events import ReducerReport
 from pipeline.mission.controller.orders import Expect
 from pipeline.mission.controller.substreams import Substream
 from pipeline.mission.durable_reducer import Acknowledgement
-from pipeline.mission.live_files import LiveMap
+from pipeline.mission.live_files import LiveMap, MapFigures
 from pipeline.mission.local import make_reducer
 from pipeline.mission.prepared import PreparedMission
 from pipeline.mission.run_journal import RunJournal, journal_findings
@@ -50,7 +51,8 @@ class ReducerStatus:
     results, dropped: per (stream, detector). frames, frames_dropped: per stream, each frame once.
     hops: latencies per (stream, detector) and hop. acknowledged: what is on the disk. trouble: why nothing is written
     there at present. taken: messages that came, per (stream, detector). rejected, refused: connections and
-    messages that were not taken, by reason.
+    messages that were not taken, by reason. map: what the last snapshot of the live view found. ages_s: in real time,
+    by stream, of the newest frame that the map knows.
     """
 
     open_substreams: int
@@ -68,6 +70,9 @@ class ReducerStatus:
     trouble: str | None = None
     taken: dict[tuple[str, str], int] = field(default_factory=dict)
     pid: int = field(default_factory=os.getpid)
+    usage: Usage = field(default_factory=Usage)
+    map: MapFigures | None = None
+    ages_s: dict[str, float] = field(default_factory=dict)
 
 
 class ReducerActor:
@@ -178,6 +183,8 @@ class ReducerActor:
                 acknowledged=self._durable.acknowledged,
                 trouble=self._durable.trouble,
                 taken=self._durable.taken,
+                map=self._live.figures,
+                ages_s=self._bound.ages_s(stage.fuser.last_ns),
             )
 
     def finish(self) -> tuple[ReducerStage, tuple[Finding, ...]]:

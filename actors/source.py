@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
+from actors.usage import Usage
 from pipeline.allocation.plan import Assignment
 from pipeline.clock import Clock
 from pipeline.errors import RunFailedError, SearchlightError, failure
@@ -38,7 +39,7 @@ class SourceStatus:
     frames_done of frames_total frames of the video; sampled: on the processing clock, or lost; frames_dropped:
     sent to nobody, by reason. bytes_sent: per site. links: what is known of each site's link (realtime).
     packets_sent: by detector. reached_s: how much of the video was offered, seconds. finished: nothing more is sent.
-    cut_off: since it was stopped. error: what went wrong, or None.
+    cut_off: since it was stopped. error: what went wrong, or None. epoch: of the plan that it follows.
     """
 
     stream: str
@@ -56,6 +57,8 @@ class SourceStatus:
     pid: int = field(default_factory=os.getpid)
     health: Health | None = None
     way: FloatArray | None = None
+    epoch: int = 0
+    usage: Usage = field(default_factory=Usage)
 
 
 #: a link that takes all that it is offered may take so much more than was measured
@@ -140,6 +143,7 @@ class SourceActor:
             packets_sent=self._stage.packets_sent if self._stage else {},
             reached_s=self._reached_s,
             cut_off=self._cut_off,
+            epoch=max(self._followed, 0),
             health=self._stream.source.health if isinstance(self._stream.source, LiveSource) else None,
         )
 

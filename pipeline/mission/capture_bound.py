@@ -33,3 +33,13 @@ class CaptureBound:
             return True
         ahead_ns = self._ahead_ns.get(stream, math.inf)
         return time_ns > self._clock.monotonic_s() * 1e9 + ahead_ns + self._slack_ns
+
+    def ages_s(self, newest_ns: Mapping[tuple[str, str], int]) -> dict[str, float]:
+        """By stream, how long ago the newest frame was taken that the map knows, if it knows one; empty before the
+        mission's clock runs. newest_ns: capture times by stream and detector, ns UTC.
+        """
+        now_ns = self._clock.monotonic_s() * 1e9
+        known: dict[str, int] = {}
+        for (stream, _), ns in newest_ns.items():
+            known[stream] = max(ns, known.get(stream, 0))
+        return {s: (now_ns + self._ahead_ns[s] - ns) * 1e-9 for s, ns in known.items() if s in self._ahead_ns}

@@ -13,6 +13,7 @@ import shutil
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -160,8 +161,17 @@ def plan_lines(assignments: Sequence[Assignment]) -> list[dict[str, Any]]:
     ]
 
 
+@dataclass(frozen=True)
+class MapFigures:
+    """Of one snapshot. places, possible: found. searched_m2: ground that was looked at, by the first class's layer."""
+
+    places: int
+    possible: int
+    searched_m2: float
+
+
 class LiveMap:
-    """Writes snapshots of one reducer's map."""
+    """Writes snapshots of one reducer's map. figures: of the last one; None where a map is too large to be shown."""
 
     def __init__(self, folder: Path, prepared: PreparedMission) -> None:
         """folder: ``live/``; nothing is written where there is none."""
@@ -170,6 +180,7 @@ class LiveMap:
         self._written: object = None
         self.due_s = 0.0
         self.cost_s = 0.0
+        self.figures: MapFigures | None = None
 
     def write_if_due(
         self, stage: ReducerStage, now_s: float, lock: AbstractContextManager[Any] | None = None
@@ -214,6 +225,7 @@ class LiveMap:
             write_text(folder / SIGHTINGS, sightings)
             write_salient(folder / POSSIBLE, possible, None, *known)
             write_salient(folder / FOUND, found, None, *known)
+        self.figures = self._figures(maps, len(found), len(possible)) if shown else None
         said = {
             "at": _now(),
             "places": len(found),
@@ -224,6 +236,13 @@ class LiveMap:
         write_text(folder / REDUCER, json.dumps(state | said, allow_nan=False) + "\n")
         self._written = key
         return True
+
+    @staticmethod
+    def _figures(maps: Mapping[str, VoxelMap], places: int, possible: int) -> MapFigures:
+        first = next(iter(maps.values()))
+        tiles = (first.tiles.tile(*tile)["observations"] for tile in first.tiles.touched_tiles())
+        cells = sum(int(np.count_nonzero(observations)) for observations in tiles)
+        return MapFigures(places, possible, cells * first.terrain.cell_m**2)
 
     def _copied(self, name: str, voxel_map: VoxelMap, lock: AbstractContextManager[Any]) -> VoxelMap:
         """The map as it is, or for tiles that are copied later as it is then."""

@@ -7,6 +7,7 @@ import re
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 
@@ -14,6 +15,8 @@ import pytest
 import yaml
 
 from actors.metrics import RunCollector, Snapshot
+from actors.node_metrics import NodeCollector
+from pipeline.mission.live_files import MapFigures
 from tests.unit.actors.test_actors_metrics import PLAN, reducer, source
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -29,8 +32,9 @@ def _expressions() -> list[str]:
 
 
 def _served() -> set[str]:
-    collector = RunCollector(Snapshot(PLAN, {"v": source()}, reducer(7), {("v", "ground"): 6e6}))
-    names = {family.name for family in collector.collect()}
+    known = replace(reducer(7), map=MapFigures(1, 2, 3.0), ages_s={"v": 1.0})
+    collector = RunCollector(Snapshot(PLAN, {"v": source()}, known, {("v", "ground"): 6e6}))
+    names = {family.name for family in (*collector.collect(), *NodeCollector(["ground"]).collect())}
     return names | {f"{name}_{end}" for name in names for end in ("total", "bucket", "sum", "count", "info")}
 
 
@@ -121,7 +125,7 @@ def test_ray_knows_the_waits_that_it_is_given() -> None:
 
 
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd here")
-@pytest.mark.parametrize("unit", ["searchlight-head.service", "searchlight-node.service"])
+@pytest.mark.parametrize("unit", sorted(path.name for path in (DEPLOYMENTS / "systemd").iterdir()))
 def test_systemd_takes_the_units(unit: str, tmp_path: Path) -> None:
     text = (DEPLOYMENTS / "systemd" / unit).read_text(encoding="utf-8").replace("/opt/searchlight", str(ROOT))
     (tmp_path / unit).write_text(text, encoding="utf-8")

@@ -12,10 +12,12 @@ from actors.machine import MachineStatus
 from actors.metrics import RunCollector, Snapshot, frame_outcomes, serve
 from actors.reducer import ReducerStatus
 from actors.source import SourceStatus
+from actors.usage import Usage
 from pipeline.allocation.plan import Plan
 from pipeline.ingest.finding import Finding
 from pipeline.link.sender import LinkState
 from pipeline.messages import FloatArray
+from pipeline.mission.live_files import MapFigures
 from pipeline.mission.stages.latency import HOPS, HopHistogram
 
 PLAN = Plan("optimal", 1.25, 1.25, 0.0, 2, (), 0.1, 10, 10)
@@ -170,3 +172,63 @@ def test_losses_of_actors_are_counted_by_name() -> None:
         s for f in collector.collect() for s in f.samples if s.name == "searchlight_actor_losses_total"
     ]
     assert {s.labels["actor"]: s.value for s in samples} == {"source:v": 3.0, "reducer": 0.0}
+
+
+def _samples(collector: RunCollector, name: str) -> dict[str, float]:
+    """By actor, or by stream."""
+    return {
+        s.labels.get("actor", s.labels.get("stream", "")): s.value
+        for family in collector.collect()
+        for s in family.samples
+        if s.name == name
+    }
+
+
+def test_who_was_not_heard_for_2_s_is_not_up_and_is_known_to_have_been_seen() -> None:
+    now = [1000.0]
+    collector = RunCollector(utc=lambda: now[0])
+    silent, speaks = replace(source(), usage=Usage(5, 1.0, 999.9)), reducer(7)
+    for step in range(4):
+        now[0] = 1000.0 + step
+        speaks = replace(speaks, usage=Usage(7, 2.0 + step, now[0] - 0.01))
+        collector.snapshot = Snapshot(PLAN, {"v": silent}, speaks)
+    assert _samples(collector, "searchlight_actor_up") == {"source:v": 0.0, "reducer": 1.0}
+    seen = _samples(collector, "searchlight_actor_last_seen_timestamp_seconds")
+    assert seen == {"source:v": 1000.0, "reducer": 1003.0}
+    assert _samples(collector, "searchlight_actor_memory_bytes") == {"source:v": 5.0, "reducer": 7.0}
+
+
+def test_processor_time_of_an_actor_goes_on_over_its_processes() -> None:
+    collector = RunCollector()
+    for seconds, pid in ((3.0, 7), (5.0, 7), (0.5, 8), (2.0, 8)):
+        busy = replace(source(), usage=Usage(5, seconds, 0.0), pid=pid)
+        collector.snapshot = Snapshot(PLAN, {"v": busy})
+    assert _samples(collector, "searchlight_actor_cpu_seconds_total") == {"source:v": 7.0}
+
+
+@given(st.floats(-100.0, 100.0), st.lists(st.floats(0.0, 3.0), min_size=2, max_size=30))
+def test_a_clock_is_behind_by_what_it_is_and_at_most_the_quickest_way_more(
+    behind_s: float, ways_s: list[float]
+) -> None:
+    now, collector = [0.0], RunCollector(utc=lambda: now[0])
+    for k, way_s in enumerate([9.0, *ways_s]):  # of the first word nobody knows how old it is
+        now[0] = 10.0 * k
+        said = replace(source(), usage=Usage(5, 1.0, now[0] - way_s - behind_s))
+        collector.snapshot = Snapshot(PLAN, {"v": said})
+    (found,) = _samples(collector, "searchlight_actor_clock_behind_seconds").values()
+    assert behind_s - 1e-6 <= found <= behind_s + min(ways_s) + 1e-6
+
+
+def test_the_map_has_places_area_and_age_once_they_are_known() -> None:
+    names = ("searchlight_places", "searchlight_searched_square_meters", "searchlight_map_age_seconds")
+    unknown = RunCollector(Snapshot(PLAN, {"v": source()}, reducer(7)))
+    assert [_samples(unknown, name) for name in names] == [{}, {}, {}]
+    known = replace(reducer(7), map=MapFigures(3, 5, 120.5), ages_s={"v": 2.5})
+    collector = RunCollector(Snapshot(PLAN, {"v": source()}, known))
+    assert [_samples(collector, name) for name in names] == [{"": 3.0}, {"": 120.5}, {"v": 2.5}]
+    assert _samples(collector, "searchlight_possible_places") == {"": 5.0}
+
+
+def test_a_stream_says_which_plan_it_follows() -> None:
+    collector = RunCollector(Snapshot(PLAN, {"v": replace(source(), epoch=3)}))
+    assert _samples(collector, "searchlight_stream_epoch") == {"v": 3.0}

@@ -51,3 +51,14 @@ def test_a_clock_that_is_told_again_goes_on_from_there(bound) -> None:  # type: 
     limits.runs({"live": BEGIN + 50 * S})
     assert not limits.is_beyond("live", BEGIN + 52 * S)
     assert limits.is_beyond("live", BEGIN + 53 * S)
+
+
+def test_the_age_of_what_is_known_is_that_of_a_streams_newest_frame(bound) -> None:  # type: ignore[no-untyped-def]
+    limits, time = bound
+    known = {("file", "a"): BEGIN + 3 * S, ("file", "b"): BEGIN + 7 * S, ("live", "a"): BEGIN}
+    assert limits.ages_s(known) == {}, "nobody has said yet what is now"
+    limits.runs({"file": BEGIN + 10 * S, "live": BEGIN + 10 * S})
+    assert limits.ages_s(known) == pytest.approx({"file": 3.0, "live": 10.0})
+    time.now_s += 4.0
+    assert limits.ages_s(known) == pytest.approx({"file": 7.0, "live": 14.0})
+    assert limits.ages_s({}) == {}

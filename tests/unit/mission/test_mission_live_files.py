@@ -99,6 +99,11 @@ def test_the_last_snapshot_is_the_summary_and_the_map(
     assert reducer["frames"] == {s["stream"]: s["processed"] for s in content["streams"]}
     assert reducer["not_taken"] == content["evidence_not_taken"]
     assert reducer["places"] == len(summary.locations)
+    assert live.figures is not None
+    assert (live.figures.places, live.figures.possible) == (reducer["places"], reducer["possible"])
+    looked_at = np.count_nonzero(run.reducer.fuser.map.observations) * prepared.terrain.cell_m**2
+    assert live.figures.searched_m2 == pytest.approx(looked_at)
+    assert looked_at > 100.0
     for name, key in ((FOUND, "found"), (POSSIBLE, "possible")):
         shown = sorted(f["properties"]["probability"] for f in json.loads(kept[name] or "")["features"])
         assert shown == sorted(place["probability"] for place in content[key])
