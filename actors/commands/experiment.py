@@ -59,13 +59,39 @@ def pose_errors(out: Out, mission: Mission = _DEMO) -> None:
     _run(experiment, mission, out)
 
 
-def _run(experiment: Callable[..., object], source: Path, out: Path) -> None:
-    from pipeline.experiments.experiment_report import write_experiment
+@app.command("5")
+def allocations(
+    out: Out,
+    mission: Mission = _DEMO,
+    pool: Annotated[Path, typer.Option(help="The pool of our detectors.")] = Path(
+        "configs/pools/simulated.yaml"
+    ),
+    papers_pool: Annotated[Path, typer.Option(help="The paper's networks and their times.")] = Path(
+        "configs/pools/paper.yaml"
+    ),
+) -> None:
+    """Three allocations on the paper's machines, through the channels of a run: 5, 9, 9 of 9 in the paper."""
+    from actors.commands.run import run_case
+    from pipeline.experiments.allocations import allocations_found, write_cases
 
+    make_folder(out)
+    cases = write_cases(mission, papers_pool, pool, out)
+    for file in cases.values():
+        run_case(file, file.parent / "run")
+    _report(out, allocations_found({name: file.parent / "run" for name, file in cases.items()}))
+
+
+def _run(experiment: Callable[..., object], source: Path, out: Path) -> None:
     make_folder(out)
     with progress_bars("steps") as progress:
         found = experiment(source, out, progress)
-    write_experiment(out, found)  # type: ignore[arg-type]
+    _report(out, found)
+
+
+def _report(out: Path, found) -> None:  # type: ignore[no-untyped-def]
+    from pipeline.experiments.experiment_report import write_experiment
+
+    write_experiment(out, found)
     _print(found)
     say(f"see {out / 'report.html'}")
 

@@ -19,7 +19,7 @@ from actors.terminal import progress_bars, say
 from actors.wiring import RunOptions
 from pipeline.allocation.plan import Plan
 from pipeline.config.mission import load_mission
-from pipeline.errors import InputError
+from pipeline.errors import InputError, RunFailedError
 from pipeline.logs import ACTOR_LOGS, FOLDER_VARIABLE, logged_run
 from pipeline.mission.disk_forecast import disk_forecast, require_room
 from pipeline.mission.durable_reducer import JournalParams
@@ -63,6 +63,17 @@ class RunRequest:
     onto: Path | None
     resume: Path | None
     checkpoint_every: float
+
+
+def run_case(mission: Path, out: Path) -> None:
+    """A run on a Ray of its own, as fast as it can, as one of several. Raises RunFailedError if it did not come to its
+    end.
+    """
+    request = RunRequest(
+        mission, out, "max", False, None, None, "127.0.0.1", None, None, JournalParams().checkpoint_s
+    )
+    if run_mission(request):
+        raise RunFailedError(f"{mission}: the run ended early")
 
 
 def run_mission(request: RunRequest) -> int:
