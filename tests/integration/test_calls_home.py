@@ -56,6 +56,7 @@ def test_who_does_call_is_seen(network: WatchedNetwork, code: str, name: str | N
     assert (network.wanted.packets > 0) is sends
 
 
+@pytest.mark.slow
 def test_a_check_and_a_detector_that_is_looked_at_call_nobody(
     network: WatchedNetwork, small_mission: Path, tmp_path: Path
 ) -> None:
