@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import get_args, get_origin, get_type_hints
 
 import numpy as np
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from actors.machine import MachineStatus
@@ -206,6 +206,7 @@ def test_processor_time_of_an_actor_goes_on_over_its_processes() -> None:
     assert _samples(collector, "searchlight_actor_cpu_seconds_total") == {"source:v": 7.0}
 
 
+@settings(deadline=None)
 @given(st.floats(-100.0, 100.0), st.lists(st.floats(0.0, 3.0), min_size=2, max_size=30))
 def test_a_clock_is_behind_by_what_it_is_and_at_most_the_quickest_way_more(
     behind_s: float, ways_s: list[float]
