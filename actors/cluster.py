@@ -14,6 +14,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from actors.no_calls import nobody_to_call
 from actors.signals import end_children, retake_signals
 from actors.site import all_sites, require_sites
 from pipeline.errors import InputError, RunFailedError
@@ -140,7 +141,8 @@ def _init(**arguments: Any) -> None:
     # what is ignored stays ignored in the processes that are started now
     former = signal.signal(signal.SIGHUP, signal.SIG_IGN) if _is_main_thread() else None
     try:
-        ray.init(**arguments)
+        with nobody_to_call():
+            ray.init(**arguments)
     finally:
         if former is not None:
             signal.signal(signal.SIGHUP, former)

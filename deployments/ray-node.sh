@@ -9,6 +9,10 @@ sites="${SEARCHLIGHT_SITES:-$(cat /etc/searchlight/site)}"
 resources=""
 for site in $sites; do resources="$resources${resources:+, }\"site:$site\": 1"; done
 export RAY_AUTH_MODE="${RAY_AUTH_MODE:-token}" RAY_USAGE_STATS_ENABLED=0
+# Ray asks cloud providers where it runs, and tells its makers that reports are disabled, by way of a proxy if there is one;
+# nobody is at this one (actors/no_calls.py).
+unset http_proxy https_proxy all_proxy ALL_PROXY no_proxy NO_PROXY
+export HTTP_PROXY=http://127.0.0.1:1 HTTPS_PROXY=http://127.0.0.1:1
 # A radio may be away for minutes. By Ray's own numbers (5 checks in a row, 3 s apart, 10 s each) a node is given up within
 # about one, and never comes back. Nothing waits for these: who is silent, Searchlight notices within two seconds.
 export RAY_health_check_period_ms="${RAY_health_check_period_ms:-5000}"

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 
 from pipeline.link.handshake import HELLO
 from tests.chaos_on_ray import JournalWatch
@@ -126,3 +127,29 @@ def test_a_drone_cut_off_for_a_minute_comes_back_and_the_map_is_that_of_what_cam
     hosts.cut("d1", up=True)
     summary = judged(process, out, watch, tmp_path, DEMO)
     assert summary["truth"]["false"] == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("cut_s", [20.0, 60.0])
+def test_what_a_drone_films_while_it_is_cut_off_is_looked_at_when_its_radio_is_back(
+    hosts: Hosts, tmp_path: Path, cut_s: float
+) -> None:
+    mission = _demo_with(tmp_path / "mission", keep_unsent={"megabytes": 500})
+    summary = _cut_off(hosts, mission, tmp_path / "run", after_s=10.0, for_s=cut_s)
+    (cut, _) = summary["streams"]
+    assert cut["processed"] > 440
+    assert (len(summary["truth"]["found"]), summary["truth"]["false"]) == (9, [])
+
+
+def _demo_with(folder: Path, **processing: object) -> Path:
+    """The demo's mission with other keys of ``processing``."""
+    folder.mkdir()
+    document = yaml.safe_load(DEMO.read_text(encoding="utf-8"))
+    document["processing"] |= processing
+    for key in ("inventory", "pool"):
+        document[key] = str((DEMO.parent / document[key]).resolve())
+    for path in DEMO.parent.iterdir():
+        if path != DEMO:
+            (folder / path.name).symlink_to(path)
+    (folder / "mission.yaml").write_text(yaml.safe_dump(document), encoding="utf-8")
+    return folder / "mission.yaml"

@@ -115,55 +115,6 @@ print(json.dumps([nodes, ray.get(where.remote(), timeout=30)]))
 """
 
 
-def _demo_with(folder: Path, **processing: object) -> Path:
-    """The demo's mission with other keys of ``processing``."""
-    folder.mkdir()
-    document = yaml.safe_load(DEMO.read_text(encoding="utf-8"))
-    document["processing"] |= processing
-    for key in ("inventory", "pool"):
-        document[key] = str((DEMO.parent / document[key]).resolve())
-    for path in DEMO.parent.iterdir():
-        if path != DEMO:
-            (folder / path.name).symlink_to(path)
-    (folder / "mission.yaml").write_text(yaml.safe_dump(document), encoding="utf-8")
-    return folder / "mission.yaml"
-
-
-_ASK = """
-import json, ray
-ray.init(address="{address}", log_to_driver=False, logging_level="ERROR")
-nodes = [(n["NodeID"], n["Alive"], n["NodeManagerAddress"]) for n in ray.nodes()]
-where = ray.remote(lambda: ray.util.get_node_ip_address()).options(num_cpus=0, resources={{"site:drone-1": 0.001}})
-print(json.dumps([nodes, ray.get(where.remote(), timeout=30)]))
-"""
-
-
-def _demo_with(folder: Path, **processing: object) -> Path:
-    """The demo's mission with other keys of ``processing``."""
-    folder.mkdir()
-    document = yaml.safe_load(DEMO.read_text(encoding="utf-8"))
-    document["processing"] |= processing
-    for key in ("inventory", "pool"):
-        document[key] = str((DEMO.parent / document[key]).resolve())
-    for path in DEMO.parent.iterdir():
-        if path != DEMO:
-            (folder / path.name).symlink_to(path)
-    (folder / "mission.yaml").write_text(yaml.safe_dump(document), encoding="utf-8")
-    return folder / "mission.yaml"
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("cut_s", [20.0, 60.0])
-def test_what_a_drone_films_while_it_is_cut_off_is_looked_at_when_its_radio_is_back(
-    hosts: Hosts, tmp_path: Path, cut_s: float
-) -> None:
-    mission = _demo_with(tmp_path / "mission", keep_unsent={"megabytes": 500})
-    summary = _cut_off(hosts, mission, tmp_path / "run", after_s=10.0, for_s=cut_s)
-    (cut, _) = summary["streams"]
-    assert cut["processed"] > 440
-    assert (len(summary["truth"]["found"]), summary["truth"]["false"]) == (9, [])
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("cut_s", [60.0, 100.0])
 def test_a_node_whose_radio_was_away_is_there_again_by_itself(cut_s: float) -> None:
