@@ -15,7 +15,7 @@ ROOT = Path(__file__).resolve().parents[3]
     [
         {},
         {"HTTP_PROXY": "http://proxy:3128", "no_proxy": "*"},
-        {"https_proxy": "http://p:1", "NO_PROXY": "example.org"},
+        {"https_proxy": "http://p:1", "NO_PROXY": "a.org"},
     ],
 )
 def test_within_it_requests_reach_nobody_and_afterwards_all_is_as_it_was(
