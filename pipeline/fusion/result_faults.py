@@ -33,8 +33,8 @@ def pose_fault(pose: CameraPose, terrain: Terrain) -> str | None:
     position, rotation = pose.position_enu.tolist(), pose.enu_from_camera
     if not all(map(math.isfinite, (*position, *rotation.ravel().tolist()))):
         return "pose with NaN"
-    if not 1.0 / _MOST_ZOOM < pose.focal_scale < _MOST_ZOOM:
-        return "impossible focal length"
+    if (fault := _stated_fault(pose)) is not None:
+        return fault
     if not _is_rotation(rotation.tolist()):
         return "attitude that is no rotation"
     if terrain.cell(position[0], position[1])[0] < 0:
@@ -42,6 +42,14 @@ def pose_fault(pose: CameraPose, terrain: Terrain) -> str | None:
     if position[2] <= terrain.height(position[0], position[1]):
         return "pose under the ground"
     return None
+
+
+def _stated_fault(pose: CameraPose) -> str | None:
+    """What a pose says of itself and of its lens; NaN: it says nothing."""
+    sds = (pose.horizontal_sd_m, pose.height_sd_m, pose.attitude_sd_rad)
+    if any(sd < 0.0 or sd == math.inf for sd in sds):
+        return "impossible standard deviation"
+    return None if 1.0 / _MOST_ZOOM < pose.focal_scale < _MOST_ZOOM else "impossible focal length"
 
 
 def _is_rotation(rows: list[list[float]]) -> bool:

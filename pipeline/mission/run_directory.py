@@ -21,6 +21,7 @@ from pipeline.ingest.finding import Finding
 from pipeline.logs import LOG_FILE, Log, keep_log
 from pipeline.messages import FloatArray
 from pipeline.mission.area_change import with_search_area
+from pipeline.mission.disagreeing_streams import check_agreement
 from pipeline.mission.found_place_crops import found_place_crops
 from pipeline.mission.ledger import contradictions, stream_account, substream_counts
 from pipeline.mission.live_files import write_flight
@@ -188,6 +189,7 @@ def _summary(
             *(f for s, count in run.counts.items() for f in contradictions(s, count, run.reducer)),
             *check_networks(prepared, run.plan),
             *_of_box_sizes(prepared, run),
+            *check_agreement(locations, prepared.mission.fusion.uncertainty),
         ),
         left_out=prepared.left_out,
         own_detections=run.own_detections,

@@ -12,7 +12,8 @@ What is judged, on seeds apart from those that anything was fitted to:
   expected calibration error over ten bins of equal count;
 - the probability of detection (POD) of the cells where people lie, for each drone's flight alone, against whether
   that flight detected them, in the same way, by cover;
-- how often the 95 % ellipse of a found place holds its person.
+- how often the 95 % ellipse of a found place holds its person;
+- in how many missions two drones are named that do not agree.
 
 Run: python -m tests.benchmarks.bench_map_truth [--missions 100] [--seed 5001] [--understated 2]
 """
@@ -25,6 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.config.fusion import Fusion
+from pipeline.fusion.disagreement import disagreements
 from pipeline.fusion.fuser import Fuser
 from pipeline.fusion.possible import found_and_possible
 from pipeline.geo.camera import Camera
@@ -93,7 +95,7 @@ def fusion(world: World, understated: float) -> Fusion:
     )
 
 
-def flight(rng, world: World, drone: int):
+def flight(rng, world: World, drone: int, up_m: float = UP_M):
     """Times, true and told poses of one drone: lanes to and fro, the drones' lanes between each other."""
     per_lane = round(2.0 * HALF_NORTH / SPEED * RATE_HZ)
     bias, turn = rng.normal(size=3) * world.bias_m, rng.normal(size=3) * math.radians(0.5)
@@ -104,7 +106,7 @@ def flight(rng, world: World, drone: int):
         north = -HALF_NORTH + along * SPEED / RATE_HZ
         yaw = 0.0 if lane % 2 == 0 else math.pi
         east = -HALF_EAST + (lane + 0.5 + 0.25 * drone) * 2.0 * HALF_EAST / LANES
-        at = np.array([east, north if lane % 2 == 0 else -north, UP_M])
+        at = np.array([east, north if lane % 2 == 0 else -north, up_m])
         wander = kept * wander + rng.normal(size=6) * math.sqrt(1.0 - kept * kept)
         angles = np.array([yaw, PITCH, 0.0])
         told = CameraPose(
@@ -145,7 +147,8 @@ def _box(at, pose: CameraPose):
 
 
 def mission(case):
-    """One mission: places (probability, right, listed), passes (POD, found, cover), ellipses (held)."""
+    """One mission: places (probability, right, listed), ellipses (held), whether two streams that do not agree were
+    named (None: one stream), passes (POD, found, cover)."""
     seed, understated = case
     rng = np.random.default_rng(seed)
     world = draw(rng)
@@ -179,6 +182,7 @@ def _judged(fuser, world, params):
     places, held = [], []
     people = np.array([t.at for t in world.things if t.person]).reshape(-1, 2)
     listed, possible = found_and_possible(fuser.maps, fuser.looks, params)
+    warned = bool(disagreements(listed, params.uncertainty)) if world.drones > 1 else None
     for place in (*listed, *possible):
         offsets = people - place.position_enu[:2]
         distance = np.hypot(*offsets.T) if len(people) else np.array([math.inf])
@@ -187,7 +191,7 @@ def _judged(fuser, world, params):
         others = [np.hypot(*(t.at - place.position_enu[:2])) for t in world.things if not t.person]
         if place in listed and distance.min() < min([6.0, *others]):
             held.append(place.error.contains(offsets[int(distance.argmin())]))
-    return places, held
+    return places, held, warned
 
 
 def _passes(fuser, world, params):
@@ -219,7 +223,7 @@ def main() -> None:
     given = arguments.parse_args()
     with ProcessPoolExecutor(2) as pool:
         done = list(pool.map(mission, [(given.seed + k, given.understated) for k in range(given.missions)]))
-    places = [p for part, _, _ in done for p in part]
+    places = [p for part, *_ in done for p in part]
     p, right = (np.array([place[i] for place in places], dtype=float) for i in (0, 1))
     error, rows = calibration_error(p, right)
     print(
@@ -227,12 +231,14 @@ def main() -> None:
     )
     for a, b, n in rows:
         print(f"  said {a:.2f}  was {b:.2f}  ({n})")
-    passes = np.array([q for _, _, part in done for q in part], dtype=float)
+    passes = np.array([q for *_, part in done for q in part], dtype=float)
     error, rows = calibration_error(passes[:, 0], passes[:, 1])
     print(f"{len(passes)} passes over people: expected calibration error of POD {error:.3f}")
     for a, b, n in rows:
         print(f"  said {a:.2f}  was {b:.2f}  ({n})")
-    held = [h for _, part, _ in done for h in part]
+    held = [h for _, part, *_ in done for h in part]
+    warned = [w for _, _, w, _ in done if w is not None]
+    print(f"warned of two streams that do not agree: {sum(warned)} of {len(warned)} missions with two")
     print(f"95 % ellipse holds the person: {np.mean(held):.3f} of {len(held)}")
 
 

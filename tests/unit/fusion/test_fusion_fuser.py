@@ -173,6 +173,11 @@ def _posed(position, rotation=POSE.enu_from_camera):
         (_frame(PERSON, pose=_posed([0.0, 0.0, 15.0], -np.eye(3))), "attitude that is no rotation"),
         (_frame(PERSON, pose=_posed([41.0, 0.0, 15.0])), "pose outside the terrain"),
         (_frame(PERSON, pose=_posed([0.0, 0.0, -0.1])), "pose under the ground"),
+        *(
+            (_frame(PERSON, pose=replace(POSE, **{name: value})), "impossible standard deviation")
+            for name in ("horizontal_sd_m", "height_sd_m", "attitude_sd_rad")
+            for value in (-1e-9, -5.0, np.inf, -np.inf)
+        ),
     ],
 )
 def test_a_bad_result_is_counted_and_leaves_the_map_as_it_was(fuser, frame, reason):

@@ -14,7 +14,9 @@ import rasterio
 from lxml import etree
 
 from pipeline.geo.frame import LocalFrame
+from pipeline.ingest.finding import Finding
 from pipeline.logs import logged_run
+from pipeline.mission import run_directory
 from pipeline.mission.local import FinishedRun, run_local
 from pipeline.mission.planning import plan
 from pipeline.mission.prepared import PreparedMission, prepare
@@ -159,3 +161,19 @@ def test_every_change_of_state_of_a_run_leaves_a_line_in_its_directory(
     run = tmp_path / "run"
     assert sorted(listed) == sorted(p.relative_to(run).as_posix() for p in run.rglob("*") if p.is_file())
     assert not list(tmp_path.glob("*.log*"))
+
+
+def test_streams_that_do_not_agree_are_a_finding_of_the_run(
+    prepared: PreparedMission, finished: FinishedRun, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[tuple[object, ...]] = []
+
+    def check(*given: object) -> list[Finding]:
+        seen.append(given)
+        return [Finding("warning", "streams_apart", "streams a and b", "3.0 m east")]
+
+    monkeypatch.setattr(run_directory, "check_agreement", check)
+    summary = write_run_directory(prepared, finished, tmp_path / "run")
+    assert "streams_apart" in {finding.cause for finding in summary.findings}
+    assert seen == [(summary.locations, prepared.mission.fusion.uncertainty)]
+    assert "3.0 m east" in (tmp_path / "run/report.html").read_text()
