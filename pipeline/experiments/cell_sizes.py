@@ -14,10 +14,9 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from pipeline.config.uncertainty import Uncertainty
 from pipeline.experiments.detection_cache import Progress, detections_of
 from pipeline.experiments.experiment_report import Experiment, Measure
-from pipeline.experiments.pose_errors import PAPERS_FLIGHT, STATED, mission_with_pose_errors
+from pipeline.experiments.pose_errors import PAPERS_FLIGHT, mission_with_pose_errors
 from pipeline.experiments.refusion import Fused, fuse_again, prepare_with_truth
 from pipeline.fusion.localization import mean_intersection
 from pipeline.messages import Detections, FloatArray
@@ -69,7 +68,7 @@ def cell_sizes_with_pose_errors(mission: Path, out: Path, progress: Progress) ->
         disturbed = prepare(mission_with_pose_errors(mission, out / f"flight-{flight + 1}", flight))
         placed = detections_of(disturbed, out / "detections.msgpack", progress)
         for runs, cell in zip(fused, CELLS_M, strict=True):
-            runs.append(_fuse(disturbed, placed, cell, STATED))
+            runs.append(_fuse(disturbed, placed, cell))
         progress("flights", flight + 1, FLIGHTS)
     errors = [_errors(cell, runs) for cell, runs in zip(CELLS_M, fused, strict=True)]
     text = (
@@ -87,12 +86,8 @@ def _fuse(
     prepared: PreparedMission,
     results: Sequence[Detections],
     cell_m: float,
-    uncertainty: Uncertainty | None = None,
 ) -> Fused:
-    update: dict[str, object] = {"cell_size": cell_m}
-    if uncertainty is not None:
-        update["uncertainty"] = uncertainty
-    return fuse_again(prepared, results, prepared.mission.fusion.model_copy(update=update))
+    return fuse_again(prepared, results, prepared.mission.fusion.model_copy(update={"cell_size": cell_m}))
 
 
 def _errors(cell_m: float, runs: Sequence[Fused]) -> Errors:

@@ -71,7 +71,7 @@ _NOISE_STREAM = 6
 
 
 def mission_with_pose_errors(mission: Path, folder: Path, number: int) -> Path:
-    """A mission file in the folder with the videos of the given one and telemetry of its own.
+    """A mission file in the folder with the videos of the given one, telemetry of its own, and its errors as stated.
 
     number: of the flight; the same number gives the same files.
     """
@@ -87,8 +87,20 @@ def mission_with_pose_errors(mission: Path, folder: Path, number: int) -> Path:
     for key in ("inventory", "pool", "truth"):
         document[key] = _from(folder, mission.parent / document[key])
     document["terrain"]["file"] = _from(folder, mission.parent / document["terrain"]["file"])
+    document.setdefault("fusion", {})["uncertainty"] = _stated()
     write_text(folder / "mission.yaml", _yaml(document))
     return folder / "mission.yaml"
+
+
+def _stated() -> dict[str, dict[str, float]]:
+    """STATED as a mission file says it. Poses carry what the file says, so to say it later would be too late."""
+    metres = ("position_bias", "height_bias", "position_noise", "terrain", "body", "widest_look")
+    said = {key: {"meters": float(getattr(STATED, key))} for key in metres}
+    said |= {
+        key: {"degrees": math.degrees(getattr(STATED, key))} for key in ("attitude_bias", "attitude_noise")
+    }
+    said |= {key: {"seconds": float(getattr(STATED, key))} for key in ("correlation_time", "cause_time")}
+    return said | {"box": {"pixels": float(STATED.box)}}
 
 
 def _disturbed_srt(stream: Stream, frame: LocalFrame, rng: np.random.Generator) -> str:

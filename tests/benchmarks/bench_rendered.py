@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from pipeline.experiments.pose_errors import STATED, mission_with_pose_errors
+from pipeline.experiments.pose_errors import mission_with_pose_errors
 from pipeline.geo.frame import LocalFrame
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -31,8 +31,6 @@ CHECKS = ("check-a", "check-b", "check-c", "check-d")
 #: fixed before the work
 SEEDS = (7001, 7002, 7003, 7004, 7005, 7006)
 NEAR_M, LONGEST_M, CHI2_95 = 2.0, 5.0, 5.991
-METRES = ("position_bias", "height_bias", "position_noise", "terrain", "body")
-DEGREES = ("attitude_bias", "attitude_noise")
 
 
 def rendered(name: str, folder: Path) -> Path:
@@ -56,18 +54,6 @@ def rendered(name: str, folder: Path) -> Path:
     path.write_text(yaml.safe_dump(scenario, sort_keys=False), encoding="utf-8")
     searchlight("simulate", path, "--out", mission.parent)
     return mission
-
-
-def with_errors(mission: Path, folder: Path, number: int) -> Path:
-    """The mission with the plain receiver's telemetry, which it states."""
-    path = mission_with_pose_errors(mission, folder, number)
-    document = yaml.safe_load(path.read_text(encoding="utf-8"))
-    stated = {key: {"meters": float(getattr(STATED, key))} for key in METRES}
-    stated |= {key: {"degrees": math.degrees(getattr(STATED, key))} for key in DEGREES}
-    stated["correlation_time"] = {"seconds": STATED.correlation_time}
-    document["fusion"]["uncertainty"] |= stated
-    path.write_text(yaml.safe_dump(document, sort_keys=False), encoding="utf-8")
-    return path
 
 
 def judged(mission: Path, run: Path) -> dict:
@@ -137,7 +123,7 @@ def main() -> None:
                 continue
             mission = rendered(name, given.folder)
             if poses == "plain":
-                mission = with_errors(mission, given.folder / name / "plain", number)
+                mission = mission_with_pose_errors(mission, given.folder / name / "plain", number)
             run = given.folder / name / f"run-{poses}"
             searchlight("run", mission, "--out", run, "--local")
             rows[f"{name} {poses}"] = judged(mission, run) | {"date": f"{datetime.now(UTC):%Y-%m-%d}"}

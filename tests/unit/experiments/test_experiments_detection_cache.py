@@ -5,7 +5,7 @@ import pytest
 
 from pipeline.experiments import detection_cache
 from pipeline.experiments.detection_cache import detections_of
-from pipeline.experiments.pose_errors import mission_with_pose_errors
+from pipeline.experiments.pose_errors import STATED, mission_with_pose_errors
 from pipeline.experiments.refusion import fuse_again
 from pipeline.mission.local import run_local
 from pipeline.mission.planning import plan
@@ -69,3 +69,17 @@ def test_the_same_number_gives_the_same_telemetry_and_another_one_another(small_
         folder = mission_with_pose_errors(small_mission, tmp_path / name, number).parent
         texts.append((folder / "drone-1.srt").read_text(encoding="utf-8"))
     assert texts[0] == texts[1] != texts[2]
+
+
+def test_a_mission_with_pose_errors_states_them_in_every_pose(small_mission, tmp_path):
+    """Poses between samples carry what the mission states: stated only later, they would keep the exact mission's."""
+    disturbed = prepare(mission_with_pose_errors(small_mission, tmp_path / "flight", 0))
+    assert disturbed.mission.fusion.uncertainty.model_dump() == pytest.approx(STATED.model_dump())
+    stated = [
+        stream.trajectory.pose(t)
+        for stream in disturbed.streams
+        for t in np.linspace(stream.trajectory.times_s[0], stream.trajectory.times_s[-1], 60)
+    ]
+    assert any(p.horizontal_sd_m >= STATED.position_bias for p in stated)
+    assert all(not p.horizontal_sd_m < STATED.position_bias - 1e-9 for p in stated)
+    assert all(not p.attitude_sd_rad < STATED.attitude_bias - 1e-9 for p in stated)
