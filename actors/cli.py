@@ -133,7 +133,16 @@ def run(
     from actors.commands.run import RunRequest, run_mission
 
     request = RunRequest(
-        mission, out, pace.value, local, address, metrics_port, metrics_host, onto, resume, checkpoint_every
+        mission,
+        out,
+        pace.value,
+        local,
+        address,
+        metrics_port,
+        metrics_host,
+        onto,
+        resume,
+        checkpoint_every,
     )
     code = run_mission(request)
     if code:
@@ -161,6 +170,18 @@ def view(
         export_decided(run, export_coco)
     else:
         view_run(run, host, port)
+
+
+@app.command("simulate-load")
+def simulate_load(
+    streams: Annotated[int, typer.Option(min=4, help="Of 10 Hz.")] = 100,
+    sites: Annotated[int, typer.Option(min=1, help="That look at them.")] = 10,
+    limit: Annotated[float, typer.Option(min=1.0, help="Seconds of processor for each size.")] = 60.0,
+) -> None:
+    """How many streams the ground station bears: the real controller and reducer in virtual time, as they cost here."""
+    from actors.commands.simulate_load import simulate_load as simulate
+
+    simulate(streams, sites, limit)
 
 
 @app.command("node-metrics")

@@ -11,6 +11,7 @@ from functools import partial
 import numpy as np
 
 from pipeline.allocation.problem import Problem
+from pipeline.mission.controller.controller import step
 from pipeline.mission.controller.events import Event, Gone, MachineReport, NotSolved, Solved, SourceReport
 from pipeline.mission.controller.orders import Expect, Finish, Order, Restart, Run, Say, Send, Solve
 from pipeline.mission.controller.params import ControllerParams
@@ -22,7 +23,7 @@ from pipeline.mission.rehearsal.machine import ModelMachine
 from pipeline.mission.rehearsal.packets import Result, ResultEnd, SentEnd, SentFrame
 from pipeline.mission.rehearsal.process import Process
 from pipeline.mission.rehearsal.reducer import ModelReducer
-from pipeline.mission.rehearsal.scheduler import ModelScheduler
+from pipeline.mission.rehearsal.scheduler import Controller, ModelScheduler
 from pipeline.mission.rehearsal.source import ModelSource
 from pipeline.mission.rehearsal.timeline import Timeline
 
@@ -79,8 +80,9 @@ class Rehearsal:
         network: NetworkParams | None = None,
         params: ControllerParams | None = None,
         here: Collection[str] | None = None,
+        controller: Controller = step,
     ) -> None:
-        """here: sites on the scheduler's own host; None: all."""
+        """here: sites on the scheduler's own host; None: all. controller: what takes its events."""
         self.problem, self.ticks, self.faults = problem, ticks, faults
         self.timeline, self.noted = Timeline(), Noted()
         self._rng, self._network = np.random.default_rng(seed), network or NetworkParams()
@@ -93,6 +95,7 @@ class Rehearsal:
             params or ControllerParams(),
             self._solve_s,
             here,
+            controller,
         )
         self._parted: Counter[str] = Counter()
         self.reducer = ModelReducer(self.timeline, self._report, self._acknowledge)

@@ -16,6 +16,8 @@ from pipeline.mission.rehearsal.process import Process
 from pipeline.mission.rehearsal.timeline import Timeline
 
 ELAPSED_S = 0.1
+#: ``step``, or the same with something beside it
+Controller = Callable[[MissionState, Event, float], tuple[MissionState, list[Order]]]
 
 
 class ModelScheduler(Process):
@@ -32,11 +34,13 @@ class ModelScheduler(Process):
         params: ControllerParams,
         solve_s: Callable[[], float],
         here: Collection[str] | None = None,
+        controller: Controller = step,
     ) -> None:
         super().__init__("scheduler", timeline)
         self.log: list[Recorded] = []
         self.state: MissionState = begin(problem, 0.0, params, here)
         self._begin = self.state
+        self._controller = controller
         self._solver, self._carry_out, self._solve_s = solver, carry_out, solve_s
 
     def start(self, incarnation: int) -> None:
@@ -50,7 +54,7 @@ class ModelScheduler(Process):
     def hear(self, event: Event) -> None:
         """Take an event and carry out what follows from it."""
         now = self.timeline.now
-        self.state, orders = step(self.state, event, now)
+        self.state, orders = self._controller(self.state, event, now)
         self.log.append(Recorded(now, event, tuple(orders)))
         for order in orders:
             if isinstance(order, Solve):
