@@ -13,6 +13,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from tests.listening import listening
+
 ROOT = Path(__file__).resolve().parents[1]
 #: how Ray names the process of the actor that reports itself to nobody
 SCHEDULER = "^ray::SchedulerActor"
@@ -41,6 +43,10 @@ class LiveRun:
     def is_over(self) -> bool:
         """Whether its process has ended."""
         return self._process.poll() is not None
+
+    def listening(self) -> dict[tuple[str, int], str]:
+        """See ``tests.listening``."""
+        return listening(self._process.pid)
 
     def events(self) -> list[dict[str, Any]]:
         """What its log says so far."""

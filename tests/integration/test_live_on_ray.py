@@ -60,6 +60,12 @@ def test_a_killed_machine_is_replaced_a_killed_reducer_loses_nothing_and_the_ope
         line.startswith(("small flies", "map of", "places", "drone-", "link", "machine ", " "))
         for line in said.lines
     )
+    sockets = run.listening()
+    assert {name for name in sockets.values() if name.startswith("ray::")} >= {
+        "ray::MachineAct",
+        "ray::ReducerAct",
+    }
+    assert {host for host, _ in sockets} == {"127.0.0.1"}, "nothing listens but on loopback"
     before = run.strike("machine:ground-pc", signal.SIGKILL)
     run.wait_for("lost", "machine:ground-pc", before)
     before = run.strike("reducer", signal.SIGKILL)

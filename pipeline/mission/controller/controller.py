@@ -26,7 +26,7 @@ from pipeline.mission.controller.events import (
 )
 from pipeline.mission.controller.holding import Holding, holdings
 from pipeline.mission.controller.links import declared
-from pipeline.mission.controller.losses import notice_silence, restart_what_is_due, without
+from pipeline.mission.controller.losses import end_what_is_over, notice_silence, restart_what_is_due, without
 from pipeline.mission.controller.orders import Close, Expect, Finish, Order, Run, Say, Send, Solve
 from pipeline.mission.controller.peers import excused, starting
 from pipeline.mission.controller.reports import gone, machine_reports, reducer_reports, source_reports
@@ -54,7 +54,7 @@ def step(state: MissionState, event: Event, now: float) -> Step:
     """
     state = _excuse_own_absence(state, now)
     state, orders = _take(state, event, now)
-    for stage in (notice_cut_off, notice_silence, restart_what_is_due, _ask):
+    for stage in (notice_cut_off, notice_silence, end_what_is_over, restart_what_is_due, _ask):
         state, more = stage(state, now)
         orders += more
     held = holdings(state)

@@ -109,6 +109,16 @@ def restart_what_is_due(state: MissionState, now: float) -> tuple[MissionState, 
     return replace(state, given=given), orders
 
 
+def end_what_is_over(state: MissionState, now: float) -> tuple[MissionState, list[Order]]:
+    """A stream that its operator has ended waits for no source that nobody hears."""
+    said: list[Order] = []
+    for name, stream in state.streams.items():
+        if stream.over and not stream.ended and stream.source.life in ("lost", "away"):
+            state = with_stream(state, name, replace(stream, ended=True, wanted=(), given=()))
+            said.append(Say("ended", name, "its source is not heard"))
+    return state, said
+
+
 def _next_source(state: MissionState, name: str, now: float) -> MissionState:
     """Its substreams are left: the new process begins others, on the same detectors."""
     stream = state.streams[name]

@@ -308,6 +308,18 @@ def test_a_paused_stream_is_looked_at_by_nobody_and_goes_on_when_it_is_wanted() 
     assert [o.assignment for o in mission.followed()] == [assignment()]
 
 
+def test_a_stream_that_the_operator_ends_does_not_wait_for_a_source_that_is_lost() -> None:
+    mission = Mission(problem(("v", "w")), (assignment("v"), assignment("w", "b")))
+    mission.tell(Gone("source:v", 0, "its node is gone"))
+    mission.obey(mission.tell(StreamStopped("v")))
+    assert mission.state.streams["v"].ended
+    restarts = [o for o in mission.orders if isinstance(o, Restart)]
+    mission.tell(Elapsed(), after=40.0)
+    assert [o for o in mission.orders if isinstance(o, Restart) and o.actor == "source:v"] == restarts
+    assert Say("ended", "v", "its source is not heard") in mission.orders
+    assert not mission.state.streams["w"].ended
+
+
 @pytest.mark.parametrize("event", [StreamStopped("v"), MissionStopped()])
 def test_a_stopped_stream_ends_and_then_the_mission_finishes(event) -> None:
     mission = Mission(problem(), (assignment(),))
