@@ -23,8 +23,9 @@ def refused() -> str | None:
     """Why there can be no hosts here; None if there can."""
     if os.geteuid() != 0:
         return "network namespaces need root"
-    made = subprocess.run(["ip", "netns", "add", "slt-probe"], capture_output=True, check=False)
-    subprocess.run(["ip", "netns", "del", "slt-probe"], capture_output=True, check=False)
+    probe = f"slt-probe-{os.getpid()}"  # the processes of a test run all try, at the same moment
+    made = subprocess.run(["ip", "netns", "add", probe], capture_output=True, check=False)
+    subprocess.run(["ip", "netns", "del", probe], capture_output=True, check=False)
     return None if made.returncode == 0 else f"no network namespaces here: {made.stderr.decode().strip()}"
 
 

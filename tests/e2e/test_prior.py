@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 from actors.cli import app
 
 
+@pytest.mark.slow
 def test_a_mission_with_a_last_known_point_from_files_to_what_remains(
     small_mission: Path, tmp_path: Path
 ) -> None:

@@ -170,6 +170,7 @@ def moments(seed: int) -> Iterator[float]:
         yield rng.uniform(0.0, 1.2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, *(pytest.param(s, marks=pytest.mark.slow) for s in range(1, 7))])
 def test_killed_three_times_at_random_moments_it_goes_on_to_the_same_map(
     small_mission: Path, whole: Path, tmp_path: Path, seed: int

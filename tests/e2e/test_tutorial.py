@@ -104,6 +104,7 @@ def off_m(place: dict[str, float], people: list[dict[str, list[float]]]) -> floa
     return float(np.hypot(*frame.enu_from_wgs84(latitude, longitude)).min())
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(600)  # half a minute on two idle cores
 def test_the_tutorial_works_as_it_stands(desk: Path) -> None:
     said = []

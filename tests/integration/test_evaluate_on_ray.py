@@ -32,6 +32,7 @@ def in_this_process_alone() -> Iterator[None]:
         shutil.rmtree(folder, ignore_errors=True)
 
 
+@pytest.mark.slow
 def test_units_on_ray_give_what_one_process_gives_and_their_errors_come_back(small_mission: Path) -> None:
     unit = Unit(
         sequence="drone-1",

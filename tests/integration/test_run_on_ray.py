@@ -190,6 +190,7 @@ def island(network: tuple[str, ...], tmp_path_factory: pytest.TempPathFactory) -
         shutil.rmtree(folder, ignore_errors=True)
 
 
+@pytest.mark.slow
 def test_a_second_ray_node_takes_a_site_and_prometheus_scrapes_the_run(
     small_mission: Path, island: Island, tmp_path: Path
 ) -> None:

@@ -42,6 +42,7 @@ def _files_that_hold(secret: bytes, folder: Path) -> list[Path]:
     return [path for path in folder.rglob("*") if path.is_file() and secret in path.read_bytes()]
 
 
+@pytest.mark.slow
 def test_over_three_hosts_it_is_the_map_of_one_process_and_whoever_listens_learns_nothing(
     hosts: Hosts, small_mission: Path, tmp_path: Path
 ) -> None:

@@ -44,6 +44,7 @@ def _held(suite: Path) -> list[dict]:  # type: ignore[type-arg]
     return [json.loads(path.read_text()) for path in sorted((suite / "results").iterdir())]
 
 
+@pytest.mark.slow
 def test_the_parts_are_the_whole_and_a_part_goes_on_where_it_was_left(suite: Path) -> None:
     assert [_run(suite, f"{k}/3").returncode for k in (1, 2, 3)] == [1, 0, 0]
     held = _held(suite)
