@@ -45,6 +45,7 @@ def evaluation(folder: Path, mission: Path, **changes: object) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_from_an_evaluation_file_to_pool_tables_and_report(small_mission, tmp_path, monkeypatch, capsys):
     file, out = evaluation(tmp_path, small_mission), tmp_path / "out"
     assert searchlight(monkeypatch, "evaluate", file, "--out", out, "--workers", 1) == 0
@@ -221,6 +222,7 @@ def test_a_folder_of_others_is_left_alone(small_mission, tmp_path, monkeypatch, 
     assert [p.name for p in out.iterdir()] == ["letter.txt"]
 
 
+@pytest.mark.slow
 def test_an_interrupted_evaluation_says_how_it_goes_on(small_mission, tmp_path, monkeypatch, capsys):
     def interrupted(units):
         raise KeyboardInterrupt

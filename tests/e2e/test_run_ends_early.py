@@ -112,14 +112,9 @@ def require_good_end(
     assert around(out) == []
 
 
-@pytest.mark.parametrize(
-    "number",
-    [
-        signal.SIGINT,  # which OR-Tools and Ray like to take for themselves
-        pytest.param(signal.SIGTERM, marks=pytest.mark.slow),
-        pytest.param(signal.SIGHUP, marks=pytest.mark.slow),
-    ],
-)
+@pytest.mark.slow
+# SIGINT is one that OR-Tools and Ray like to take for themselves
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_ends_it_in_good_order_and_it_can_go_on(
     small_mission: Path, whole: Path, tmp_path: Path, number: signal.Signals
 ) -> None:

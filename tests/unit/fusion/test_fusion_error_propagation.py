@@ -14,6 +14,8 @@ from pipeline.fusion.localization import GROUND_STD_M, locate
 from pipeline.fusion.look import Look
 from pipeline.geo.pose import enu_from_camera
 
+RTK, PLAIN = list(BUDGETS)[:2]
+
 NOTHING = Uncertainty().model_copy(
     update=dict.fromkeys(Uncertainty.model_fields, 0.0) | {"correlation_time": 2.0}
 )
@@ -139,7 +141,7 @@ def test_the_sum_over_correlated_times_is_that_of_all_pairs():
     )
 
 
-@pytest.mark.parametrize("name", list(BUDGETS)[:2])
+@pytest.mark.parametrize("name", [RTK, pytest.param(PLAIN, marks=pytest.mark.slow)])
 def test_the_true_place_lies_in_the_95_percent_ellipse_in_90_to_99_of_100_cases(name):
     measured = coverage(with_budget(BUDGETS[name]), missions=28, seed=1)
     assert measured.places >= 30
